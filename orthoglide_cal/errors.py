@@ -25,11 +25,8 @@ _HIDDEN = re.compile(
 
 
 def visible(text: str) -> str:
-    """The text on one line, with control and direction characters as codes: "⟨U+202E⟩".
-
-    Printable text (`str.isprintable`) stays as it is: where there is much of it, ask that first.
-    """
-    return _HIDDEN.sub(_code, text)
+    """The text on one line, with control and direction characters as codes: "⟨U+202E⟩"."""
+    return text if text.isprintable() else _HIDDEN.sub(_code, text)
 
 
 def _code(match: re.Match[str]) -> str:

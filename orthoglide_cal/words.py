@@ -30,7 +30,7 @@ class Unit(StrEnum):
 
 # One of each unit of length, under every name that it is written with, in mm.
 MM: Mapping[str, float] = {
-    **dict.fromkeys(("mm",), 1.0),
+    "mm": 1.0,
     **dict.fromkeys(("in", "inch"), 25.4),
     **dict.fromkeys(("um", "µm", "μm", "micron", "microns", "micrometre", "micrometer"), 1e-3),
     **dict.fromkeys(("mil", "mils", "thou"), 0.0254),
@@ -91,8 +91,7 @@ def plain(value: float, decimals: int) -> str:
     >>> plain(-0.001, 2), plain(0.256, 2)
     ('0.00', '0.26')
     """
-    written = f"{value:.{decimals}f}"
-    return written.lstrip("-") if not float(written) else written
+    return f"{value:z.{decimals}f}"
 
 
 def short(value: float, decimals: int) -> str:

@@ -3,18 +3,13 @@
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
-
-if TYPE_CHECKING:
-    from orthoglide_cal.files.controller_file import ControllerFile
-    from orthoglide_cal.results import Application
+from orthoglide_cal.errors import InputError, UsageError, command
 
 LIVE = (
     "A LinuxCNC that holds the same offsets runs on this computer. Set them there, too, so that"
@@ -48,11 +43,15 @@ def apply(
     from orthoglide_cal.files.controller_file import controller_file
     from orthoglide_cal.files.input import machine_of_controller, read_input
     from orthoglide_cal.files.linuxcnc import is_live, running
+    from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.files.text import check_writable
     from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
-    from orthoglide_cal.results import take_back
+    from orthoglide_cal.results import apply as application
+    from orthoglide_cal.results import recording, take_back
+    from orthoglide_cal.results.application import check_measured
+    from orthoglide_cal.session.adjusting import check_not_adjusted
 
     if session is None and not undo:
         raise UsageError("It is not clear which offsets were entered.", "Name the session.")
@@ -65,14 +64,30 @@ def apply(
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
         known = machine or (machine_of_controller(Path(), controller) if controller else None)
-        if undo:
-            file = common.own_machine_file(known)
+        file = common.own_machine_file(known) if known or undo else None
+        if undo and file:
             sha256 = read_input(path, file.model).measured.source.sha256 if path else None
             entry = take_back(file, sha256, controller)
         else:
-            entry = _entered(path, machine, known, controller, data, rule_out)
-        controller = entry.controller
-        otherwise = running(controller) if controller and controller.adds else None
+            given = common.read_input(path, machine, data, rule_out)
+            measured_on = given.model.machine
+            elsewhere = recording(given) == "elsewhere"
+            if elsewhere and controller is None:
+                options = f"--format {measured_on.controller_formats[0]}"
+                shown = command("export", path, machine=machine, options=options)
+                written = command("apply", path, machine=machine, options="--to printer.cfg")
+                fault = "Its firmware keeps what it is given; nothing is recorded here."
+                raise UsageError(fault, f"See what to give it: {shown}\nOr write it: {written}")
+            if file is None and elsewhere and controller:  # a printer needs none
+                file = new_machine_file(given.model, controller.target)
+            file = file or common.own_machine_file(None)
+            check_measured(given, None if to else file)
+            check_not_adjusted(given.measured.source, machine)
+            corrects = controller.corrects(measured_on) if controller else ()
+            answer = released(given, machine, corrects=corrects).answer
+            entry = application(given, answer, file, datetime.now().astimezone(), controller)
+        controller, target = entry.controller, entry.file.document.path
+        otherwise = running(controller) if controller else None
         live = otherwise == "" and not entry.tables
         document = application_document(entry, path, machine, live)
         if not entry.changes:
@@ -80,7 +95,6 @@ def apply(
                 common.deliver(document, as_json=True)
             common.tell(f"{NOT_NEEDED}. Nothing was changed.")
             return
-        target = entry.file.document.path
         for written in (target, *([controller.target] if controller else [])):
             if not server(written):
                 check_writable(Path(written).resolve())
@@ -95,7 +109,7 @@ def apply(
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
-        _write(entry)
+        entry.write()
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
@@ -111,78 +125,3 @@ def apply(
             common.tell("The firmware restarts. Home (G28) and probe a new mesh.")
 
     common.for_each([session or ""], judge, as_json=json)
-
-
-def _write(entry: "Application") -> None:
-    """Write the record, then the controller's file; what is taken back, in the other order.
-
-    So the record never lacks what a controller holds, whenever the program is killed.
-    """
-    from orthoglide_cal.files.controller_file import holds, replace_file
-    from orthoglide_cal.files.text import write_text
-
-    def remove_tables() -> None:
-        for table in entry.tables:
-            Path(table.path).unlink(missing_ok=True)
-
-    record, controller = entry.file.document, entry.controller
-    new = not Path(record.path).exists()
-    writes = [(record.path, record.sha256, entry.then.document.text.encode())]
-    if controller is not None:
-        writes.append((controller.target, controller.sha256, entry.data))
-    if entry.undone:
-        writes.reverse()
-    else:  # the name of a table holds its digest: it is new, or what a killed program left
-        writes[:0] = [(table.path, table.sha256, table.text.encode()) for table in entry.tables]
-    for target, before, data in writes:
-        try:
-            replace_file(target, before, data)
-        except OrthocalError:
-            if writes[-1][0] == target != record.path and holds(target, before):
-                if new:
-                    Path(record.path).unlink()
-                else:
-                    write_text(Path(record.path).resolve(), record.text, overwrite=True)
-                remove_tables()
-            raise
-    if entry.undone:
-        remove_tables()
-
-
-def _entered(
-    path: str,
-    machine: File,
-    known: File,
-    to: "ControllerFile | None",
-    data: common.Data,
-    rule_out: Texts,
-) -> "Application":
-    """Entry of a measurement; the machine file may be known by what was written to a controller.
-
-    Raises UsageError, UnusableResultError.
-    """
-    from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.files.machine_file import new_machine_file
-    from orthoglide_cal.report.controller import firmware_values
-    from orthoglide_cal.results import apply as application
-    from orthoglide_cal.results.application import check_measured, recording
-    from orthoglide_cal.session.adjusting import check_not_adjusted
-
-    file = None  # what is written to a printer needs none
-    if known or to is None or to.adds:
-        file = common.own_machine_file(known)
-    given = common.read_input(path, machine, data, rule_out)
-    if to is None and recording(given) == "elsewhere":
-        options = f"--format {given.model.machine.controller_formats[0]}"
-        shown = command("export", path, machine=machine, options=options)
-        written = command("apply", path, machine=machine, options="--to printer.cfg")
-        remedy = f"See what to give it: {shown}\nOr write it: {written}"
-        raise UsageError("Its firmware keeps what it is given; nothing is recorded here.", remedy)
-    check_measured(given, None if to else file)
-    check_not_adjusted(given.measured.source, machine)
-    measured_on = given.model.machine
-    corrects = [id for id, cause in CAUSES.items() if to and not to.hindrance(cause, measured_on)]
-    answer = (case := released(given, machine, corrects=corrects)).answer
-    file = file or new_machine_file(given.model, to.target if to else "")
-    now = datetime.now().astimezone()
-    return application(given, answer, file, now, to, lambda made: firmware_values(case, made, to))

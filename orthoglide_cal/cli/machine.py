@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ from orthoglide_cal.schema import MACHINE_FILE, parse_number
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+
+    from orthoglide_cal.files.machine_file import StoredMachine
 
 # Of a question: a name, a number, or several.
 Value = str | float | list[float]
@@ -107,11 +110,11 @@ def new(
     if target.exists():
         raise UsageError(f"{target} exists and is not overwritten.", "Name another: --output FILE")
     try:
-        _text(answers, target)
+        _made(answers, target)
     except InputError as error:
         # What follows from a wrong value is no fault of its own.
         faults = [fault for fault in error.problems if fault.column in answers] or error.problems
-        raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in faults)) from error
+        raise UsageError("\n".join(fault.alone for fault in faults)) from error
     if not yes:
         common.tell(
             "Return takes the value in brackets. It is the prototype's, scaled where that fits.\n"
@@ -121,7 +124,7 @@ def new(
         while place < len(keys):
             goes_on = _ask(answers, keys[place], asked[keys[place]], target)
             place = place + 1 if goes_on else max(place - 1, 0)
-    write_text(target, _text(answers, target))
+    write_text(target, _made(answers, target).document.text)
     show(target, json)
     from orthoglide_cal.report.sentences import sentence
 
@@ -168,8 +171,6 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
 
     An implausible value is taken when it is given again.
     """
-    from orthoglide_cal.files.machine_file import machine_from_text
-
     usual = _plain(answers[key]) if key in answers else _usual(key, answers)
     texts = list(map(str, usual if isinstance(usual, list) else [usual]))
     doubted: Value | None = None
@@ -186,8 +187,8 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
                     many = "One number is" if len(texts) == 1 else f"{len(texts)} numbers are"
                     raise InputError(f"{many} needed.", "Type it as in the brackets.", value=typed)
                 value = numbers if isinstance(usual, list) else numbers[0]
-            made = machine_from_text(_text({**answers, key: value}, target), str(target))
-            doubt = made.machine.instrument.implausible().get(key.rpartition(".")[2])
+            instrument = _made({**answers, key: value}, target).model.machine.instrument
+            doubt = instrument.implausible().get(key.rpartition(".")[2])
             if doubt and value != doubted:
                 from orthoglide_cal.report.sentences import sentence
 
@@ -199,17 +200,12 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
         except InputError as error:
             # What follows from a wrong answer is not asked yet.
             mine = [fault for fault in error.problems if (fault.column or "").startswith(key)]
-            common.tell(_fault((mine or error.problems)[0]))
+            # An answer has no other place than the question.
+            common.tell(replace((mine or error.problems)[0], column=None, problems=()).alone)
 
 
-def _fault(fault: InputError) -> str:
-    """What is wrong with an answer; it has no other place than the question."""
-    value = f" ({fault.value})" if fault.value is not None else ""
-    return f"{fault.what}{value} {fault.remedy}"
-
-
-def _text(answers: Answers, target: Path) -> str:
-    """The file's text. Raises InputError for values that make no machine."""
+def _made(answers: Answers, target: Path) -> "StoredMachine":
+    """The file, not written yet. Raises InputError for values that make no machine."""
     from orthoglide_cal.files.machine_file import new_machine
 
     values: Answers = {"name": "my machine"}

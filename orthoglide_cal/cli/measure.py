@@ -4,7 +4,7 @@ import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -152,8 +152,8 @@ def measure(
 
 @contextmanager
 def guided(
-    begin: "Callable[[Keyboard], Guided]", verb: str, machine: File = None, options: str = ""
-) -> "Iterator[Guided]":
+    begin: Callable[["Keyboard"], Guided], verb: str, machine: File = None, options: str = ""
+) -> Iterator[Guided]:
     """Lead through what is begun at a keyboard, and give it once it has ended.
 
     Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
@@ -166,14 +166,12 @@ def guided(
     before = {number: signal.signal(number, signal.default_int_handler) for number in caught}
     message = again = ""
     try:
-        with ExitStack() as left:
-            with closing(Keyboard()) as keyboard:
-                dialogue = begin(keyboard)
-                left.callback(dialogue.close)
-                path, options = str(dialogue.path), f"{options} --resume".strip()
-                again = command(verb, path, machine=machine, options=options)
-                dialogue.greet()
-                dialogue.run()
+        with closing(Keyboard()) as keyboard, closing(begin(keyboard)) as dialogue:
+            path, options = str(dialogue.path), f"{options} --resume".strip()
+            again = command(verb, path, machine=machine, options=options)
+            dialogue.greet()
+            dialogue.run()
+            keyboard.close()  # before the answer is shown
             yield dialogue
         return
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:

@@ -90,16 +90,14 @@ def simulate(
     # What the controller corrects of a cause acts on a hidden one, too.
     wrong = known.extended(effects).correcting(nominal.corrected)
     made = synthetic_session(wrong, plan, true, rng, gauge)
-    record = None
-    if on_bed:
-        text, rows = probe_points_csv(made), "touches"
-    else:
-        text, rows = readings_csv(made), "readings"
+    rows = "touches" if on_bed else "readings"
+    text = probe_points_csv(made) if on_bed else readings_csv(made)
+    if json or yaml:
         record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
+        text = session_text(record) if yaml else text
     if target or not json:
-        written = session_text(record) if yaml and record else text
-        common.put(written, target, f"{len(made)} {rows} written to {target}")
-    if json and record:
+        common.put(text, target, f"{len(made)} {rows} written to {target}")
+    if json:
         common.print_json(session_json(record))
     if seed is None:
         common.tell(f"seed {chosen}")
@@ -112,46 +110,42 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
     motion) are drawn at random. Raises UsageError: no such cause or place, or not as many values
     as the cause has parameters.
     """
-    from orthoglide_cal.causes import CAUSES
-
-    head, _, tail = text.partition("=")
-    name, _, place = (part.strip() for part in head.partition("@"))
-    possible = [id for id, cause in CAUSES.items() if cause.usual(type(machine)) is not None]
-    if name not in possible:
-        where = f" of kind {machine.kind}" if name in CAUSES else ""
-        raise UsageError(
-            f"There is no cause {name!r}{where}.", f"Choose one of {', '.join(possible)}."
-        )
-    cause = CAUSES[name]
-    return cause.at(_parameters(cause, tail, machine, rng), _place(cause, place, plan, machine))
-
-
-def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Generator) -> np.ndarray:
     import numpy as np
 
+    from orthoglide_cal.causes import CAUSES
+
+    head, _, sizes = text.partition("=")
+    id, _, place = (part.strip() for part in head.partition("@"))
+    possible = [id for id, cause in CAUSES.items() if cause.usual(type(machine)) is not None]
+    if id not in possible:
+        where = f" of kind {machine.kind}" if id in CAUSES else ""
+        fault = f"There is no cause {id!r}{where}."
+        raise UsageError(fault, f"Choose one of {', '.join(possible)}.")
+    cause = CAUSES[id]
     names = list(machine.named(cause.names).values())
     try:
-        values = [parse_number(part) for part in text.split(",")] if text.strip() else []
+        values = [parse_number(part) for part in sizes.split(",")] if sizes.strip() else []
     except InputError as error:
-        fault = f"--cause {cause.id}: {error.what} ({error.value!r})"
+        fault = f"--cause {id}: {error.what} ({error.value!r})"
         raise UsageError(fault, error.remedy) from error
     if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
-        unit = f" in {cause.unit}" if cause.unit else ""
+        wants = counted(len(names), "value") + (f" in {cause.unit}" if cause.unit else "")
         wanted = f"={','.join(names)}" if names else ""
-        wants = counted(len(names), "value") + unit
-        fault = f"--cause {cause.id} takes {wants}, not {len(values)}."
-        raise UsageError(fault, f"Write {cause.id}{wanted}, a number for each name.")
+        fault = f"--cause {id} takes {wants}, not {len(values)}."
+        raise UsageError(fault, f"Write {id}{wanted}, a number for each name.")
     low = 0.0 if cause.positive else -LARGEST
     if any(not low <= value <= LARGEST for value in values):
         remedy = f"Give numbers from {low:g} to {LARGEST:g}."
-        raise UsageError(f"{cause.id} cannot have this size.", remedy)
+        raise UsageError(f"{id} cannot have this size.", remedy)
     # The last terms of a shape may be left out.
     values += [0.0] * (len(names) - len(values))
     hidden = rng.normal(0.0, cause.prior_std(machine)[len(names) :])
-    return np.concatenate([np.array(values) * cause.scale, hidden])
+    parameters = np.concatenate([np.array(values) * cause.scale, hidden])
+    return cause.at(parameters, _place(cause, place, plan, machine))
 
 
 def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
+    """The place that a text names, "" where there is only one. Raises UsageError."""
     places = cause.places(plan, machine)
 
     def read(text: str) -> Place:
@@ -165,12 +159,11 @@ def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
 
     place = read(text)
     fits = place in places and bool(text) == bool(place)
-    if not (fits and cause.reversible(plan, place)):
-        here = f" at {text!r}" if text else ""
-        forms = {"12": "a reading", "x,y": "leg, direction", "x": "a leg; a unit: 1"}
-        form = next((form for form in forms if places and read(form) in places), None)
-        example = f"{form} ({forms[form]})" if form else "no place" if places else "none fits"
-        raise UsageError(
-            f"{cause.id} cannot act{here} in this session.", f"Give as its place: {example}."
-        )
-    return place
+    if fits and cause.reversible(plan, place):
+        return place
+    here = f" at {text!r}" if text else ""
+    forms = {"12": "a reading", "x,y": "leg, direction", "x": "a leg; a unit: 1"}
+    form = next((form for form in forms if places and read(form) in places), None)
+    example = f"{form} ({forms[form]})" if form else "no place" if places else "none fits"
+    fault = f"{cause.id} cannot act{here} in this session."
+    raise UsageError(fault, f"Give as its place: {example}.")

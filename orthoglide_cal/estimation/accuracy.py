@@ -13,8 +13,7 @@ from scipy.special import chdtrc, stdtrit
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.gaussian import unexplained
-from orthoglide_cal.estimation.least_squares import Problem
-from orthoglide_cal.estimation.methods import pose_plan
+from orthoglide_cal.estimation.methods import Problem, pose_plan
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model

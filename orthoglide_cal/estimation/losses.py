@@ -65,8 +65,3 @@ def surprising(odds: float, missed: float, needless: float) -> float:
             the first, times the odds, is smaller than the second.
     """
     return math.exp(lambertw(-odds * missed / needless / math.e, -1).real)
-
-
-def loss_after(minutes: float, chance: float) -> float:
-    """Expected loss of a session of its own, which leaves one answer with this chance [min]."""
-    return SITTING + minutes + (1.0 - chance) * STILL_OPEN

@@ -2,32 +2,44 @@
 
 LinuxCNC's INI has `HOME_OFFSET` in `[JOINT_0..2]`, in its `LINEAR_UNITS`; which axis a joint is
 follows from the `coordinates` of its `KINEMATICS`. Of a section or an option that is given twice it
-reads the first, and what `#INCLUDE` puts there. Klipper's printer.cfg has the parameters of a delta
-in the block that SAVE_CONFIG wrote. Only these values change: every other byte stays, and so do
-line ends, encoding, file mode and links. The file is a path, or the address of a Moonraker server.
+reads the first, and what `#INCLUDE` puts there.
+
+A joint may have a table, `COMP_FILE`: what is added to the motor, over position and direction. Type
+1: lines of three numbers, ascending: position, what is added moving +, and moving -. Between lines
+it is linear, beyond the first and last it stays. With a table `BACKLASH` is ignored. A joint with a
+switch counts from what the table adds there, a joint homed at once does not: a table that is zero
+at HOME_OFFSET, in the direction in which the switch is latched, means the same to both.
+
+Klipper's printer.cfg has the parameters of a delta in the block that SAVE_CONFIG wrote.
+
+Only these values change: every other byte stays, and so do line ends, encoding, file mode and
+links. The file is a path, or the address of a Moonraker server.
 """
 
 import codecs
 import hashlib
 import re
-from collections.abc import Collection, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
-from orthoglide_cal.files.comp_table import FILE as COMP_FILE
-from orthoglide_cal.files.comp_table import OPTIONS, Added, JointTable
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
-from orthoglide_cal.model.cause import Cause
-from orthoglide_cal.model.machine import Machine, Written, WrittenTable, WrittenValue
+from orthoglide_cal.model.cause import Cause, Effect
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Corrections, Machine, Written, WrittenTable, WrittenValue
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import MM_PER_INCH, plain
@@ -37,9 +49,6 @@ _ENTRY = re.compile(r"\s*(\w+)\s*(?:=|(?=:))\s*(.*?)\s*", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
 _ANY_NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE)
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
-# What is read of a file → its section and option.
-_UNIT = "unit"
-_LINEAR_UNITS = ("TRAJ", "LINEAR_UNITS")
 _COORDINATES = re.compile(r"\bcoordinates\s*=\s*[\"']?(\w+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
 _INCLUDED = re.compile(
@@ -47,23 +56,33 @@ _INCLUDED = re.compile(
     r"|COMP_FILE(_TYPE)?)\b)",
     re.MULTILINE,
 )
-_KLIPPER = {
-    "radius": ("printer", "delta_radius"),
-    **{f"angle_{tower}": (f"stepper_{tower}", "angle") for tower in "abc"},
-    **{f"arm_{tower}": (f"stepper_{tower}", "arm_length") for tower in "abc"},
-    **{tower: (f"stepper_{tower}", "position_endstop") for tower in "abc"},
-}
+_ADD = "Write {1} = {2} once in [{0}], no comment behind it; included files are not read."
+# What is read of a [JOINT_n] besides its home offset; what is not there counts as 0.
+_FILE, _TYPE, _BACKLASH = "COMP_FILE", "COMP_FILE_TYPE", "BACKLASH"
+_LATCH, _SEARCH = "HOME_LATCH_VEL", "HOME_SEARCH_VEL"
+_OPTIONS = (_FILE, _TYPE, _BACKLASH, _SEARCH, _LATCH, "MIN_LIMIT", "MAX_LIMIT")
+_MOST_LINES = 256  # of a table
+_FARTHEST_MM = 1e5
+_BEYOND_MM = 1000.0  # half the length of a table where no limits are given
+# Name of a delta's setting → its section and option in printer.cfg.
+SAVED = {"radius": ("printer", "delta_radius")}
+for _tower, _section in ((tower, f"stepper_{tower}") for tower in "abc"):
+    SAVED |= {f"angle_{_tower}": (_section, "angle"), f"arm_{_tower}": (_section, "arm_length")}
+    SAVED[_tower] = _section, "position_endstop"
 _PITCHES = {f"pitch_{tower}": (f"stepper_{tower}", "rotation_distance") for tower in "abc"}
 _HEADER = """
 #*# <---------------------- SAVE_CONFIG ---------------------->
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
 #*#
 """
-_ADD = "Write {1} = {2} once in [{0}], no comment behind it; included files are not read."
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."
 )
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def _from_above(value: WrittenValue) -> tuple[int, bool]:
@@ -79,80 +98,39 @@ def _alike(one: str, other: str) -> bool:
 
 
 @dataclass(frozen=True)
-class ControllerFile:
+class ControllerFile(ABC):
     """What stands in a controller's file."""
 
     target: str  # its path or address, the same whichever way it was named
     data: bytes
-    settings: Mapping[str, WrittenValue]  # by parameter; as they stand
-    tables: Mapping[str, JointTable] = field(default_factory=dict)  # of LinuxCNC, by parameter
-    unit_mm: float = 1.0  # length of the unit of its values [mm]
-    format: str = "klipper"  # whose the file is, as an export names it
+    settings: Mapping[str, WrittenValue]  # by parameter; of a joint also "x BACKLASH" and others
     remarks: tuple[Reason, ...] = ()  # what to know before it is written
+    format: ClassVar[str]  # whose the file is, as an export names it
 
-    @property
-    def adds(self) -> bool:
-        """Whether a change is added to what stands there; otherwise the value replaces it."""
-        return self.format == "linuxcnc"
-
+    @abstractmethod
     def hindrance(self, cause: Cause, machine: Machine) -> Literal["", "no_place", "no_origin"]:
-        """Why it cannot take a cause away; "" where it has a place for what does.
+        """Why it cannot take a cause away; "" where it has a place for what does."""
 
-        LinuxCNC's tables have one for what acts by joint; a correction that changes with the
-        position needs to know where the isotropic posture is. Klipper has the arms, and
-        rotation_distance for what grows with the travel alone.
-        """
-        if not cause.by_joint:
-            known = not self.adds and cause.id in machine.fixed_parameters
-            return "" if known else "no_place"
-        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
-        if not self.adds:
-            grows = np.all(up == down) and np.all(up[0] == 0.0)
-            known = f"pitch_{machine.parameter_names[0]}" in self.settings
-            return "" if known and grows else "no_place"
-        even = np.all((up == up[0]) & (down == down[0]))
-        known = all(t.origin_mm(machine.home_mm) is not None for t in self.tables.values())
-        return "" if known or even else "no_origin"
-
-    @property
-    def sha256(self) -> str:
-        return hashlib.sha256(self.data).hexdigest()
-
+    @abstractmethod
     def changed(
-        self,
-        amounts: Mapping[str, float],
-        decimals: int,
-        added: Mapping[str, Added] = MappingProxyType({}),
+        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
     ) -> tuple[Written, bytes]:
         """What is replaced, for the record, and the bytes then.
 
-        The amounts, with so many decimals, are what is added to each parameter, where the file adds
-        [mm]; otherwise what is to stand there [mm, deg]. `added` is what a table adds to a joint.
+        `changes` of the calibrated parameters [mm, deg], `made` of what is wrong with the machine.
+        Raises InputError, UsageError: the file would not be as its controller reads it.
         """
-        values: list[WrittenValue] = []
-        tables: list[WrittenTable] = []
-        decimals += 2 if self.unit_mm > 1.0 else 0
-        for name, amount in amounts.items():
-            stands = self.settings[name]
-            shown = max(decimals, len(stands.before.partition(".")[2]))
-            if name in added:
-                lines, table = self.tables[name].changed(added[name], amount, shown)
-                values += lines
-                tables.append(table)
-                continue
-            before = float(stands.before)
-            new = before + amount / self.unit_mm if self.adds else amount
-            if abs(new - before) >= 0.5 * 10.0**-decimals:
-                after = plain(new, shown)
-                if not _NUMBER.fullmatch(after):  # it could not be read again, nor restored
-                    problem = f"{self.target}: {stands.key} would become {after}."
-                    raise UsageError(problem, f"Check the value there, {stands.before}.")
-                values.append(stands.changed(after=after))
-        written, data = self._replaced(values)
-        return written.changed(tables=tuple(tables)), data
 
-    def restored(self, written: Written) -> bytes:
-        """The bytes as they were before they were written, to the last one.
+    def corrects(self, machine: Machine) -> list[str]:
+        """Ids of the causes that it can take away."""
+        return [id for id, cause in CAUSES.items() if not self.hindrance(cause, machine)]
+
+    @property
+    def sha256(self) -> str:
+        return _digest(self.data)
+
+    def restored(self, written: Written) -> tuple[Written, bytes]:
+        """The same for the way back: the bytes as they were before, to the last one.
 
         Raises UsageError, with what differs, if the file is not what was written any more.
         """
@@ -163,7 +141,7 @@ class ControllerFile:
             inserted += not value.before
         then, data = self._replaced(back)
         if (self.sha256, then.sha256_after) == (written.sha256_after, written.sha256_before):
-            return data
+            return then, data
         other = "The values are the same; something else in it was changed."
         differs = self.differing({value.key: value.after for value in written.values}) or other
         by_hand = ", ".join(f"{v.key} = {v.before or '(no line)'}" for v in written.values)
@@ -172,15 +150,27 @@ class ControllerFile:
 
     def differing(self, expected: Mapping[str, str]) -> str:
         """Which values, by their keys there, are others than these, in words; "" for none."""
-        lines = (line for table in self.tables.values() for line in table.options.values())
-        held = {value.key: value.before for value in (*self.settings.values(), *lines)}
+        held = {value.key: value.before for value in self.settings.values()}
         return " ".join(
             f"{key} holds {held.get(key, 'nothing')} instead of {value}."
             for key, value in expected.items()
             if not _alike(held.get(key, ""), value)
         )
 
-    def _replaced(self, values: Sequence[WrittenValue]) -> tuple[Written, bytes]:
+    def _entered(self, name: str, new: float, decimals: int) -> list[WrittenValue]:
+        """The line of a setting with another value; none where it stays."""
+        stands = self.settings[name]
+        if abs(new - float(stands.before)) < 0.5 * 10.0**-decimals:
+            return []
+        after = plain(new, max(decimals, len(stands.before.partition(".")[2])))
+        if not _NUMBER.fullmatch(after):  # it could not be read again, nor restored
+            problem = f"{self.target}: {stands.key} would become {after}."
+            raise UsageError(problem, f"Check the value there, {stands.before}.")
+        return [stands.changed(after=after)]
+
+    def _replaced(
+        self, values: Sequence[WrittenValue], tables: Sequence[WrittenTable] = ()
+    ) -> tuple[Written, bytes]:
         """What is written with other values in some lines, for the record, and the bytes then."""
         lines = self.data.splitlines(keepends=True)
         for value in sorted(values, key=_from_above)[::-1]:
@@ -198,9 +188,196 @@ class ControllerFile:
                 key, *rest = re.split(rb"(?<=[:=])", lines[index], maxsplit=1)
                 after = b"".join(rest).replace(value.before.encode(), value.after.encode(), 1)
                 lines[index] = key + after
-        then = replace(self, data=b"".join(lines))
-        digests = {"sha256_before": self.sha256, "sha256_after": then.sha256}
-        return Written(target=self.target, **digests, values=tuple(values)), then.data
+        data = b"".join(lines)
+        digests = {"sha256_before": self.sha256, "sha256_after": _digest(data)}
+        edits = {"values": tuple(values), "tables": tuple(tables)}
+        return Written(target=self.target, **digests, **edits), data
+
+
+@dataclass(frozen=True)
+class LinuxCnc(ControllerFile):
+    """An INI of LinuxCNC: a change is added to what stands there, a table takes a cause away."""
+
+    unit_mm: float = 1.0  # length of the unit of its values [mm]
+    format = "linuxcnc"
+
+    def hindrance(self, cause: Cause, machine: Machine) -> Literal["", "no_place", "no_origin"]:
+        """A table takes what acts by joint; a correction that changes with the position needs to
+        know where the isotropic posture is."""
+        if not cause.by_joint:
+            return "no_place"
+        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
+        even = np.all((up == up[0]) & (down == down[0]))
+        known = all(self._origin_mm(axis, machine.home_mm) is not None for axis in AXES)
+        return "" if known or even else "no_origin"
+
+    def changed(
+        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
+    ) -> tuple[Written, bytes]:
+        effects = correcting(model.machine, made)
+        decimals += 2 if self.unit_mm > 1.0 else 0
+        values, tables = list[WrittenValue](), list[WrittenTable]()
+        for axis, change in changes.items():
+            if any(axis in sizes for sizes in made.values()):
+                lines, table = self._tabulated(axis, change, effects, model.machine, decimals)
+                values += lines
+                tables.append(table)
+            else:
+                new = float(self.settings[axis].before) + change / self.unit_mm
+                values += self._entered(axis, new, decimals)
+        return self._replaced(values, tables)
+
+    def _number(self, axis: str, option: str) -> float:
+        line = self.settings.get(f"{axis} {option}")
+        return float(line.before) if line else 0.0
+
+    def _limits_mm(self, axis: str) -> tuple[float, float] | None:
+        """Lowest and highest position; None where there are none, such as 1e99."""
+        low, high = (self.unit_mm * self._number(axis, f"{end}_LIMIT") for end in ("MIN", "MAX"))
+        return (low, high) if -_FARTHEST_MM < low < high < _FARTHEST_MM else None
+
+    def _origin_mm(self, axis: str, home_mm: float) -> float | None:
+        """Machine's joint value where this joint says 0: it counts either from there, or from the
+        isotropic posture. None where its limits do not tell which."""
+        low, high = self._limits_mm(axis) or (0.0, 0.0)
+        if (low < home_mm < high) == (low < 0.0 < high):
+            return None
+        return 0.0 if low < home_mm < high else home_mm
+
+    def _existing(self, axis: str) -> Floats:
+        """Rows of the table that stands there, or that stands for BACKLASH, (n, 3) [its unit]."""
+        half, line = 0.5 * self._number(axis, _BACKLASH), self.settings.get(f"{axis} {_FILE}")
+        if line is None:
+            return np.array([[float(self.settings[axis].before), half, -half]])
+        path, rows = str(Path(self.target).parent / line.before), list[list[float]]()
+        for number, text in enumerate(read_bytes(path).decode("latin-1").splitlines(), 1):
+            row = [float(word) if _ANY_NUMBER.fullmatch(word) else np.nan for word in text.split()]
+            if len(row) != 3 or np.isnan(row).any() or (rows and row[0] <= rows[-1][0]):
+                problem = "LinuxCNC ignores it, or the rest: not 3 numbers, or not ascending."
+                remedy = "Correct the table, or remove COMP_FILE from the INI."
+                raise InputError(problem, remedy, file=path, line=number, value=text)
+            rows.append(row)
+        if not rows:
+            raise InputError("The table is empty.", "Remove COMP_FILE.", file=path)
+        table = np.array(rows)
+        if self._number(axis, _TYPE) == 0.0:  # it has the positions that were reached
+            table[:, 1:] = table[:, :1] - table[:, 1:]
+        return table
+
+    def _tabulated(
+        self, axis: str, change_mm: float, made: Iterable[Effect], machine: Machine, decimals: int
+    ) -> tuple[list[WrittenValue], WrittenTable]:
+        """Lines of the INI, and a new table beside it, that add corrections to what is there."""
+        unit, table, line = self.unit_mm, self._existing(axis), self.settings[axis]
+        old, latch = float(line.before), self._number(axis, _LATCH)
+        way, home_mm = int(latch < 0.0), machine.home_mm
+        origin = self._origin_mm(axis, home_mm) or 0.0
+
+        def added(at: Floats) -> Floats:
+            """Over positions of the joint (n,), moving + and moving -, shape (2, n) [mm]."""
+            parts = [e.cause.correction(-e.theta, at + origin, home_mm) for e in made]
+            return np.asarray(np.sum(parts, axis=0)[..., AXES.index(axis)])
+
+        def stands(at: Floats) -> Floats:
+            return np.stack([np.interp(at, table[:, 0], table[:, k]) for k in (1, 2)])
+
+        # True position at the switch, or where a joint without one is homed.
+        here = np.array([old])
+        home = old + (change_mm - float(added(here * unit)[way, 0])) / unit
+        if latch == self._number(axis, _SEARCH) == 0.0:
+            home -= float(stands(here)[way, 0])
+        home = round(home, min(decimals, 6))
+        ends = self._limits_mm(axis) or (home * unit - _BEYOND_MM, home * unit + _BEYOND_MM)
+        # What stands there belongs to the screw, which a new home offset counts otherwise.
+        table[:, 0] += home - old
+        at = np.unique(np.round([*table[:, 0], *(end / unit for end in ends), home, old], 6))
+        values = stands(at) + added(at * unit) / unit
+        values = np.round(values - values[way, at == home], 8) + 0.0  # no negative zero
+        rows = np.column_stack([at, *values]).tolist()
+        existing = self.settings.get(f"{axis} {_FILE}")
+        if len(rows) > _MOST_LINES:
+            problem = f"The table of this joint would have {len(rows)} lines; LinuxCNC takes 256."
+            raise UsageError(problem, f"Shorten {existing.before if existing else _FILE}.")
+        text = "".join("{:.6f} {:.8f} {:.8f}\n".format(*row) for row in rows)
+        digest = _digest(text.encode())
+        section = line.key.partition(" ")[0]
+        name = f"{section[1:-1].lower()}-{digest[:8]}.comp"
+        wanted = {_FILE: name, _TYPE: "1"}
+        if f"{axis} {_BACKLASH}" in self.settings and not existing:
+            wanted[_BACKLASH] = "0"
+        lines = [line.changed(after=plain(home, decimals))]
+        for option, after in wanted.items():
+            # A new line stands above the home offset, where a line surely ends.
+            above = WrittenValue(line=line.line, key=f"{section} {option}")
+            stood = self.settings.get(f"{axis} {option}", above)
+            if stood.before != after:
+                lines.append(stood.changed(after=after))
+        path = str(Path(self.target).parent / name)
+        return lines, WrittenTable(path=path, sha256=digest, text=text)
+
+
+class Klipper(ControllerFile):
+    """A printer.cfg: a new value stands in the place of the old one."""
+
+    format = "klipper"
+
+    def hindrance(self, cause: Cause, machine: Machine) -> Literal["", "no_place", "no_origin"]:
+        """Arms have a place, and what grows with the travel alone: rotation_distance."""
+        if not cause.by_joint:
+            return "" if cause.id in machine.fixed_parameters else "no_place"
+        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
+        grows = np.all(up == down) and np.all(up[0] == 0.0)
+        return "" if grows and "pitch_a" in self.settings else "no_place"
+
+    def changed(
+        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
+    ) -> tuple[Written, bytes]:
+        """A carriage whose pitch is corrected stands elsewhere at its endstop."""
+        new = firmware_machine(model, [*changes.values()])
+        values, home = printer_values(new), new.home_mm
+        known = {effect.cause.id for effect in model.accepted}
+        for id, sizes in made.items():
+            for tower, size in sizes.items():
+                if not CAUSES[id].by_joint:
+                    values[f"arm_{tower}"] += 0.0 if id in known else size
+                    continue
+                (effect,), at = correcting(new, {id: {tower: size}}), "abc".index(tower)
+                ends = effect.cause.correction(-effect.theta, np.array([home, home + 1.0]), home)
+                ratio = 1.0 / (1.0 + float(np.diff(ends[0, :, at])[0]))
+                values[f"pitch_{tower}"] = ratio * float(self.settings[f"pitch_{tower}"].before)
+                values[tower] += (ratio - 1.0) * (new.endstop_carriages_mm[at] - home)
+        lines = (self._entered(name, value, decimals) for name, value in values.items())
+        return self._replaced([*chain.from_iterable(lines)])
+
+
+def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
+    """The machine as its firmware is to have it, with arms that were accepted as longer.
+
+    `changes` of the calibrated parameters, (6,) [mm, deg].
+    """
+    machine = LinearDelta.require(model.machine)
+    active = zip(machine.active, changes, strict=True)
+    *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in active)
+    arms = np.array(machine.arm_length_mm)
+    for effect in model.accepted:
+        if effect.cause.id in machine.fixed_parameters:
+            arms += effect.theta
+    return machine.changed(
+        arm_length_mm=tuple(arms.tolist()),
+        delta_radius_mm=radius,
+        tower_angles_deg=(angle_a, angle_b, machine.tower_angles_deg[2]),
+        endstops_mm=tuple(endstops),
+    )
+
+
+def printer_values(machine: LinearDelta) -> dict[str, float]:
+    """Settings of its firmware, by the names in `SAVED`."""
+    towers = {"angle_": machine.tower_angles_deg, "arm_": machine.arm_length_mm}
+    return {"radius": machine.delta_radius_mm} | {
+        f"{of}{tower}": value
+        for of, values in (towers | {"": machine.endstops_mm}).items()
+        for tower, value in zip("abc", values, strict=True)
+    }
 
 
 def controller_file(target: str) -> ControllerFile:
@@ -214,24 +391,63 @@ def controller_file(target: str) -> ControllerFile:
     target = moonraker.server(target) or str(Path(target).resolve())
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
-        _check_included(target, text)
-        entries = _entries(text)
-        sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, entries).items()}
-        wanted = {axis: (section, "HOME_OFFSET") for axis, section in sections.items()}
-        more = {f"{axis} {o}": (section, o) for axis, section in sections.items() for o in OPTIONS}
-        values = _values(target, entries, {**wanted, _UNIT: _LINEAR_UNITS, **more}, 0, more)
-        unit_mm = _UNITS[values[_UNIT].before.lower()]
-        settings, tables = {axis: values[axis] for axis in sections}, {}
-        for axis, home in settings.items():
-            options = {o: values[key] for o in OPTIONS if (key := f"{axis} {o}") in values}
-            tables[axis] = JointTable(target, home, options, unit_mm)
-        return ControllerFile(target, data, settings, tables, unit_mm, "linuxcnc")
-    if "\n[printer]" not in text.replace("\xef\xbb\xbf", "", 1):
+        return _linuxcnc(target, data, text)
+    if "\n[printer]" in text.replace("\xef\xbb\xbf", "", 1):
+        return _klipper(target, data, text)
+    raise InputError(
+        "This is not the file of a known controller.",
+        "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
+        file=target,
+    )
+
+
+def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
+    """An INI, of its text after an empty line: a value has the number of its line.
+
+    To LinuxCNC a comment behind a value is a part of it: with such a number it does not start.
+    Behind a colon it reads nothing, nor in the lines that follow.
+    """
+    section, entries = "", Options(dict)
+    for number, line in enumerate(text.split("\n")):
+        if line.startswith("#INCLUDE"):
+            path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
+            inside = read_bytes(str(path)).decode("latin-1") if path.is_file() else None
+            if inside is None or _INCLUDED.search(inside):
+                problem = "LinuxCNC may read a value from this included file."
+                remedy = "Put what stands in that file in the place of this line."
+                raise InputError(problem, remedy, file=target, line=number, value=line.strip())
+        elif head := _SECTION.match(line):
+            section = "" if head[1] in entries else head[1]
+            entries.setdefault(head[1], {})
+        elif entry := _ENTRY.fullmatch(line):
+            entries[section].setdefault(entry[1], (number, entry[2]))
+    at, kins = entries["KINS"].get("KINEMATICS", (0, ""))
+    coordinates = _COORDINATES.search(kins)
+    letters = coordinates[1].lower() if coordinates else "".join(AXES)
+    problem = remedy = ""
+    if "deltakins" in kins.lower():
+        problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
+    elif any(letters.count(axis) != 1 for axis in AXES):
+        problem = "These coordinates do not give each of X, Y and Z one joint."
+        remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"
+    if problem:
+        raise InputError(problem, remedy, file=target, line=at, value=kins)
+    joints = {axis: f"JOINT_{letters.index(axis)}" for axis in AXES}
+    more = {f"{axis} {o}": (joint, o) for axis, joint in joints.items() for o in _OPTIONS}
+    wanted = {axis: (joint, "HOME_OFFSET") for axis, joint in joints.items()}
+    settings = _values(target, entries, wanted | more, _ADD, more)
+    at, unit = entries["TRAJ"].get("LINEAR_UNITS", (0, ""))
+    if unit.lower() not in _UNITS:
         raise InputError(
-            "This is not the file of a known controller.",
-            "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
-            file=target,
-        )
+            "This unit is unknown." if unit else "The value is missing.",
+            _ADD.format("TRAJ", "LINEAR_UNITS", "mm (or inch)"),
+            file=target, line=at or None, column="[TRAJ] LINEAR_UNITS", value=unit or None,
+        )  # fmt: skip
+    return LinuxCnc(target, data, settings, unit_mm=_UNITS[unit.lower()])
+
+
+def _klipper(target: str, data: bytes, text: str) -> Klipper:
+    """A printer.cfg, of its text as of `_linuxcnc`."""
     if data.startswith(codecs.BOM_UTF8):
         problem = "The file begins with a byte order mark: Klipper does not read it."
         raise InputError(problem, "Save it as UTF-8 without it.", file=target, line=1)
@@ -248,36 +464,44 @@ def controller_file(target: str) -> ControllerFile:
         raise InputError(problem, remedy, file=target, line=number, value=line)
     printer = Settings(document_from_bytes(data, target))
     printer.check()
-    values = _values(target, printer.options, _KLIPPER | _PITCHES, heading, _PITCHES)
-    remarks = (Reason.of("includes"),) * printer.included
-    return ControllerFile(target, data, values, remarks=remarks)
+    settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
+    return Klipper(target, data, settings, (Reason.of("includes"),) * printer.included)
 
 
-def _check_included(target: str, text: str) -> None:
-    """Raise InputError for an included file that has what is looked for, or cannot be read."""
-    for number, line in enumerate(text.split("\n")):
-        if line.startswith("#INCLUDE"):
-            path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
-            inside = read_bytes(str(path)).decode("latin-1") if path.is_file() else None
-            if inside is None or _INCLUDED.search(inside):
-                problem = "LinuxCNC may read a value from this included file."
-                remedy = "Put what stands in that file in the place of this line."
-                raise InputError(problem, remedy, file=target, line=number, value=line.strip())
+def _values(
+    target: str,
+    entries: Options,
+    wanted: Mapping[str, tuple[str, str]],
+    advice: str,
+    optional: Collection[str],
+    heading: int = 0,
+) -> dict[str, WrittenValue]:
+    """The wanted values, below the heading of Klipper's block. Raises InputError."""
+    faults, values = Faults(target), dict[str, WrittenValue]()
+    for name, (section, option) in wanted.items():
+        key, needed = f"[{section}] {option}", name not in optional
+        number, value = entries[section].get(option, (None, ""))
+        problem = ""
+        if number is None:
+            problem = "The value is missing." if needed else ""
+        elif number <= heading and needed:
+            problem = "This is above the SAVE_CONFIG block, so Klipper uses it first."
+        elif not (_NUMBER if needed else _ANY_NUMBER).fullmatch(value) and option != _FILE:
+            problem = "This is not a number."
+        if problem:
+            remedy = advice.format(section, option, "NUMBER")
+            faults.add(problem, remedy, line=number, column=key, value=value or None)
+        elif number is not None:
+            values[name] = WrittenValue(line=number, key=key, before=value)
+    faults.check()
+    return values
 
 
-def _joints(target: str, entries: Options) -> dict[str, int]:
-    """The joint of each axis. Raises InputError for axes of none or of several, and of a delta."""
-    number, value = entries["KINS"].get("KINEMATICS", (0, ""))
-    if "deltakins" in value.lower():
-        problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
-        raise InputError(problem, remedy, file=target, line=number, value=value)
-    kins = _COORDINATES.search(value)
-    letters = kins[1].lower() if kins else "".join(AXES)
-    if any(letters.count(axis) != 1 for axis in AXES):
-        problem = "These coordinates do not give each of X, Y and Z one joint."
-        remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"
-        raise InputError(problem, remedy, file=target, line=number, value=value)
-    return {axis: letters.index(axis) for axis in AXES}
+def holds(target: str, sha256: str) -> bool:
+    """Whether a file, or the printer.cfg of a server, has this digest; not if it cannot be read."""
+    with suppress(InputError):
+        return _digest(read_bytes(target)) == sha256
+    return False
 
 
 def replace_file(target: str, before: str, data: bytes) -> None:
@@ -286,65 +510,9 @@ def replace_file(target: str, before: str, data: bytes) -> None:
     Raises UsageError: it was changed meanwhile, or the printer prints; InputError as `write_text`.
     """
     server = moonraker.server(target)
-    if (server or Path(target).exists()) and hashlib.sha256(
-        read_bytes(target)
-    ).hexdigest() != before:
+    if (server or Path(target).exists()) and _digest(read_bytes(target)) != before:
         raise UsageError(f"{target} was changed meanwhile.", "Give the command again.")
     if server:
         moonraker.upload(server, data)
     else:
         write_text(Path(target).resolve(), data, overwrite=True)
-
-
-def holds(target: str, sha256: str) -> bool:
-    """Whether a file, or the printer.cfg of a server, has this digest; not if it cannot be read."""
-    with suppress(InputError):
-        return hashlib.sha256(read_bytes(target)).hexdigest() == sha256
-    return False
-
-
-def _entries(text: str) -> Options:
-    """Section → option → line and value, as LinuxCNC reads them in a text after an empty line.
-
-    To LinuxCNC a comment behind a value is a part of it: with such a number it does not start.
-    Behind a colon it reads nothing, nor in the lines that follow.
-    """
-    section, entries = "", Options(dict)
-    for number, line in enumerate(text.split("\n")):
-        if head := _SECTION.match(line):
-            section = "" if head[1] in entries else head[1]
-            entries.setdefault(head[1], {})
-        elif entry := _ENTRY.fullmatch(line):
-            entries[section].setdefault(entry[1], (number, entry[2]))
-    return entries
-
-
-def _values(
-    target: str,
-    entries: Options,
-    wanted: Mapping[str, tuple[str, str]],
-    heading: int,
-    optional: Collection[str] = (),
-) -> dict[str, WrittenValue]:
-    """The wanted values, below the heading of Klipper's block. Raises InputError."""
-    faults, values = Faults(target), dict[str, WrittenValue]()
-    for name, (section, option) in wanted.items():
-        key, needed = f"[{section}] {option}", name not in optional
-        number, value = entries[section].get(option, (None, ""))
-        form, problem = _NUMBER if needed else _ANY_NUMBER, ""
-        if number is None:
-            problem = "The value is missing." if needed else ""
-        elif number <= heading and needed:
-            problem = "This is above the SAVE_CONFIG block, so Klipper uses it first."
-        elif name == _UNIT and value.lower() not in _UNITS:
-            problem = "This unit is unknown."
-        elif name != _UNIT and option != COMP_FILE and not form.fullmatch(value):
-            problem = "This is not a number."
-        if problem:
-            unit = "mm (or inch)" if name == _UNIT else "NUMBER"
-            remedy = _SAVE if heading else _ADD.format(section, option, unit)
-            faults.add(problem, remedy, line=number, column=key, value=value or None)
-        elif number is not None:
-            values[name] = WrittenValue(line=number, key=key, before=value, after=value)
-    faults.check()
-    return values

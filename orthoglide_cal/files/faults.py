@@ -140,47 +140,35 @@ class Content(Faults):
             words: instead of those for all files: "missing posture" → (what, remedy).
         """
         for finding in error.errors(include_url=False):
-            path = finding["loc"]
-            given = finding.get("ctx", {})
-            cause = given.get("error")
-            if isinstance(cause, InputError):
+            path, given = finding["loc"], finding.get("ctx", {})
+            if isinstance(cause := given.get("error"), InputError):
                 for problem in cause.problems:
                     inner = _STEP.findall(problem.column or "")
                     steps = (int(index) if index else name for index, name in inner)
                     place = (*at, *path, *steps)
                     self.note(place, problem.what, problem.remedy, problem.value)
                 continue
+            kind, meant = _ALSO.get(finding["type"], finding["type"]), str(finding["input"])
             known = _QUOTED.findall(given.get("expected", ""))
-            meant = ""
-            kind = _ALSO.get(finding["type"], finding["type"])
-            if kind == "literal_error":
-                meant = str(finding["input"])
-            elif kind == "extra_forbidden":
-                meant = str(path[-1])
-                fields = _fields(schema)
+            if kind == "extra_forbidden":
+                meant, fields = str(path[-1]), _fields(schema)
                 for step in path[:-1]:  # a place in a list has no name of its own
                     fields = _fields(fields[step]) if step in fields else fields
                 known = list(fields)
             elif kind == "missing" and isinstance(path[-1], int):
                 kind = "too_short"
-            elif kind == "greater_than_equal" and given["ge"] == 0:
-                kind = "not_negative"
-            elif kind.startswith("greater_than"):
-                size = parse_number(str(finding["input"]), decimal_comma=True)
-                if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
-                    kind = "greater_than_zero"
+            elif kind.startswith("greater_than") and (
+                parse_number(meant, decimal_comma=True) <= 0.0 <= min(given.values())
+            ):  # it has the wrong sign, or is zero
+                kind = "not_negative" if given.get("ge") == 0 else "greater_than_zero"
             key = next((step for step in reversed(path) if isinstance(step, str)), "value")
             usual = WORDS.get(kind, (f"{finding['msg']}.", "Correct it."))
-            what, remedy = words.get(f"{kind} {key}", usual)
             mm = "; lengths are in mm" if key.endswith("_mm") else ""
-            data = {
-                **given,
-                "mm": mm,
-                "key": key,
-                "near": nearest(meant, known),
-                "known": ", ".join(known),
-            }
-            self.add(what.format(**data), remedy.format(**data), *self.place((*at, *path)))
+            data = {"mm": mm, "key": key, "near": nearest(meant, known), "known": ", ".join(known)}
+            what, remedy = (
+                text.format(**given, **data) for text in words.get(f"{kind} {key}", usual)
+            )
+            self.add(what, remedy, *self.place((*at, *path)))
 
     def parse(self, text: str) -> float:
         """The number that a text of this file writes. Raises InputError without a place."""

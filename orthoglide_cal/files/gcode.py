@@ -211,18 +211,11 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         what = "No place of the map was probed: a placeholder, not a measurement."
         faults.add(what, _AGAIN, line=4)
     faults.check()
-    offset = np.nan_to_num(settings.probe)
-    source, at = document.source, range(4, 4 + len(y))
-    grid = stored_grid(source, "heightmap", x, y, heights, at, offset)
+    offset, at = np.nan_to_num(settings.probe), range(4, 4 + len(y))
+    grid = stored_grid(document.source, x, y, heights, at, offset)
+    data = {"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))}
     date = _DATE.search(lines[0])
-    return replace(
-        settings,
-        probe=offset,
-        data={"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))},
-        source=source,
-        firmware="reprapfirmware",
-        started=date and date[0],
-    )
+    return replace(settings, probe=offset, data=data, started=date and date[0])
 
 
 def _words(file: FileText) -> Words:
@@ -326,7 +319,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
         placed = np.array([touch for touch in touches if touch[0] > since])
         placed *= (1.0, radius, radius, 1.0)
-        mesh, (line, now) = stored_mesh(document.source, name, placed, offset[2]), changes[-1]
+        mesh, (line, now) = stored_mesh(document.source, placed, offset[2]), changes[-1]
         if then is now:
             return mesh
         remarks.append(Reason.of("converted", name=name, line=line))
@@ -337,7 +330,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
         moved = np.column_stack((mesh.line, place - [0.0, 0.0, offset[2]]))
-        return stored_mesh(document.source, name, moved, offset[2])
+        return stored_mesh(document.source, moved, offset[2])
 
     data: dict[str, Readings] = {}
     if circle:
@@ -357,14 +350,9 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
         remedy += ", and give all the lines that it prints."
         raise InputError(f"Marlin's output {what}.", remedy, file=document.path)
+    remarks[:0] = settings.remarks
     return replace(
-        settings,
-        machine=changes[-1][1],
-        probe=offset,
-        data=data,
-        source=document.source,
-        firmware="marlin",
-        remarks=(*settings.remarks, *remarks),
+        settings, machine=changes[-1][1], probe=offset, data=data, remarks=tuple(remarks)
     )
 
 
@@ -404,7 +392,7 @@ def _places(grid: Mapping[int, list[str]], reach: float, offset: Floats) -> list
     )
     x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
     heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
-    mesh = stored_grid(Source("", ""), "", x, y, heights, [*grid], offset)
+    mesh = stored_grid(Source("", ""), x, y, heights, [*grid], offset)
     points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
     places: list[Sequence[float]] = points[mesh.plan.in_time].tolist()
     return places
@@ -426,10 +414,9 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """
     text, path = document.text, document.path
     faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
-    firmware = "reprapfirmware"
     lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
+    reach = settings.machine.bed_radius_mm if lines else math.inf
     if lines:
-        firmware = "text"
         remarks += (Reason.of("map_height_unknown"),)
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
@@ -446,11 +433,8 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     for line, parts in lines:
         with faults.noting(line, value=" ".join(parts)):
             x, y, height = (within(part, -LARGEST_MM) for part in parts)
-            if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
+            if not math.hypot(x, y) > reach:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
-    source = document.source
-    data = {"mesh": stored_mesh(source, "console", np.array(rows), offset[2])}
-    return replace(
-        settings, probe=offset, data=data, remarks=remarks, source=source, firmware=firmware
-    )
+    data = {"mesh": stored_mesh(document.source, np.array(rows), offset[2])}
+    return replace(settings, probe=offset, data=data, remarks=remarks)

@@ -74,6 +74,7 @@ class _Format(NamedTuple):
     """What a firmware writes of its touches; it does not say which printer they are from."""
 
     mark: re.Pattern[str]
+    firmware: str  # as an export names it
     title: str
     named: str  # what gives its settings: --machine …
     settings: Callable[[FileText], PrinterFile | None]  # in the same file, or beside it
@@ -81,15 +82,15 @@ class _Format(NamedTuple):
 
 
 _FORMATS = (
-    _Format(gcode.HEIGHT_MAP, "a height map of RepRapFirmware", "config.g",
+    _Format(gcode.HEIGHT_MAP, "reprapfirmware", "a height map of RepRapFirmware", "config.g",
             gcode.codes_beside, gcode.read_height_map),
-    _Format(klipper.PROBED, "what Klipper's console prints", "printer.cfg",
+    _Format(klipper.PROBED, "klipper", "what Klipper's console prints", "printer.cfg",
             klipper.settings_beside, klipper.read_probed),
-    _Format(gcode.MARLIN_OUTPUT, "what Marlin prints",
+    _Format(gcode.MARLIN_OUTPUT, "marlin", "what Marlin prints",
             "FILE, or keep what M503 prints in this file", gcode.own_codes, gcode.read_marlin),
-    _Format(gcode.PROBE_HEIGHTS, "what RepRapFirmware's console prints", "config.g",
-            gcode.codes_beside, gcode.read_listed),
-    _Format(gcode.REPETIER_MAP, "a map of Repetier (G33)", "FILE",
+    _Format(gcode.PROBE_HEIGHTS, "reprapfirmware", "what RepRapFirmware's console prints",
+            "config.g", gcode.codes_beside, gcode.read_listed),
+    _Format(gcode.REPETIER_MAP, "text", "a map of Repetier (G33)", "FILE",
             gcode.own_codes, gcode.read_listed),
 )  # fmt: skip
 
@@ -467,7 +468,9 @@ def _firmware_file(
         machine = _delta(known or otherwise(), document.path, nothing)
         remark = Reason.of("probe_offset_unknown")
         settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
-    return format.read(document, settings)
+    return format.read(
+        document, replace(settings, source=document.source, firmware=format.firmware)
+    )
 
 
 def _delta(model: Model, path: str, refused: InputError | None = None) -> LinearDelta:

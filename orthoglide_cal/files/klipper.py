@@ -310,9 +310,8 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
         remarks += (Reason.of("probe_z_unknown"),)
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
-    mesh = stored_mesh(document.source, "console", touches[:, :4], offset[2])
-    data = {"mesh": mesh}
-    return replace(settings, probe=offset, data=data, source=document.source, remarks=remarks)
+    mesh = stored_mesh(document.source, touches[:, :4], offset[2])
+    return replace(settings, probe=offset, data={"mesh": mesh}, remarks=remarks)
 
 
 def _check_kind(settings: Settings) -> None:
@@ -436,7 +435,7 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     if padded := int(np.sum(~probed)):
         remarks.append(Reason.of("padded", count=padded, mesh=profile))
     heights = np.where(probed, rows, math.nan)
-    mesh = stored_grid(settings.document.source, profile, x, y, heights, lines, offset)
+    mesh = stored_grid(settings.document.source, x, y, heights, lines, offset)
     return replace(mesh, remarks=tuple(remarks))
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import UsageError, system_words
-from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.controller_file import ControllerFile, LinuxCnc
 from orthoglide_cal.files.moonraker import in_time
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
@@ -103,13 +103,11 @@ class Standing:
 
 
 def running(ini: ControllerFile) -> str | None:
-    """None if no LinuxCNC runs on this computer; "" if one has this INI and the offsets it holds.
-
-    Else why nothing is set there, in a sentence.
-    """
+    """None if no LinuxCNC runs on this computer, or the file is of another controller; "" if one
+    has this INI and the offsets it holds. Else why nothing is set there, in a sentence."""
     if is_live(ini):
         return ""
-    if (path := running_ini()) is None:
+    if (path := running_ini()) is None or not isinstance(ini, LinuxCnc):
         return None
     other = "home offsets than its INI" if str(path) == ini.target else f"settings, {path}"
     return f"A LinuxCNC runs on this computer with other {other}: nothing is set there."
@@ -133,7 +131,7 @@ def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
     """
     if str(running_ini()) != ini.target:  # nor one whose INI nobody can tell
         return False
-    held = ini.settings.values()
+    held = [ini.settings[axis] for axis in AXES]
     pins = [_JOINT.sub(r"ini.\1.home_offset", value.key) for value in held]
     values = [float(value.before) for value in held]
     lines = [f"setp {pin} {v.before}\n" for pin, v in zip(pins, held, strict=True) if anew]

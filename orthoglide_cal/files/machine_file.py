@@ -206,7 +206,11 @@ def machine_file_in(tree: Content) -> StoredMachine:
 
 def machine_from_text(content: str, path: str) -> Model:
     """The machine that a text describes; `path` is its name. Raises as `read_machine_file`."""
-    return machine_file_in(load_tree(document_from_bytes(content.encode(), path))).model
+    return _stored(content, path).model
+
+
+def _stored(content: str, path: str) -> StoredMachine:
+    return machine_file_in(load_tree(document_from_bytes(content.encode(), path)))
 
 
 @functools.cache
@@ -255,26 +259,32 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         file = schema.model_validate(value, context=machine)
     except ValidationError as error:
         tree.take(error, schema, path)
-    sizes, causes = value.get("tolerances"), _causes_of(machine)
-    corrected = value.get("corrected")
+    sizes, corrected, causes = value.get("tolerances"), value.get("corrected"), _causes_of(machine)
+    by_joint = {id: machine.named(CAUSES[id].names) for id in causes if CAUSES[id].by_joint}
     for id, values in corrected.items() if isinstance(corrected, dict) else ():
-        if id not in causes or not CAUSES[id].by_joint:
-            by_joint = [id for id in causes if CAUSES[id].by_joint]
+        place = (*path, "corrected", id)
+        if id not in by_joint:
             what = "No controller corrects this."
-            tree.note((*path, "corrected", id), what, f"Known: {', '.join(by_joint)}.", id)
+            tree.note(place, what, f"Known: {', '.join(by_joint)}.", id)
             continue
-        names = machine.named(CAUSES[id].names).values()
+        names = by_joint[id].values()
         for name in values if isinstance(values, dict) else ():
             if name not in names:
                 what, remedy = "This is no parameter of it.", f"Known: {', '.join(names)}."
-                tree.note((*path, "corrected", id, name), what, remedy, name)
+                tree.note((*place, name), what, remedy, name)
     noted = {fault.column for fault in tree.problems}
     for id, text in sizes.items() if isinstance(sizes, dict) else ():
         place = (*path, "tolerances", id)
         if id not in causes:
             tree.note(place, *_unknown_cause(id, causes), id)
-        elif dotted(place) not in noted and (fault := _size_fault(id, yaml_number(text), machine)):
-            tree.note(place, *fault)
+        elif dotted(place) not in noted:
+            size, usual = yaml_number(text), CAUSES[id].usual(machine) or 0.0
+            if size > _LARGEST_TOLERANCE * usual:
+                times = f"more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
+                tree.note(place, f"That is {times}", f"Give it in {CAUSES[id].unit or 'its unit'}.")
+            elif 0.0 < size < _SMALLEST_TOLERANCE:
+                what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
+                tree.note(place, what, "Give 0 to rule it out.")
     if len(tree.problems) > before:
         return None
     fields = {name: getattr(file, name) for name in machine.model_fields}
@@ -286,18 +296,6 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
 def _causes_of(machine: type[Machine]) -> list[str]:
     """Ids of the causes that a machine of this kind can have."""
     return [id for id, cause in CAUSES.items() if cause.usual(machine) is not None]
-
-
-def _size_fault(id: str, size: float, machine: type[Machine]) -> tuple[str, str] | None:
-    """Fault of the plausible size of a cause, and the remedy; None without one."""
-    usual = CAUSES[id].usual(machine) or 0.0
-    if size > _LARGEST_TOLERANCE * usual:
-        what = f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
-        return what, f"Give it in {CAUSES[id].unit or 'its unit'}."
-    if 0.0 < size < _SMALLEST_TOLERANCE:
-        what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
-        return what, "Give 0 to rule it out."
-    return None
 
 
 def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:
@@ -333,11 +331,7 @@ def machine_values(model: Model) -> dict[str, object]:
                 "cause": effect.cause.id,
                 "where": "",
                 "parameters": {
-                    one.name: {
-                        "value": digits(one.value),
-                        "std": digits(one.std),
-                        "unit": one.unit,
-                    }
+                    one.name: {"value": digits(one.value), "std": digits(one.std), "unit": one.unit}
                     for one in model.called(effect)
                 },
                 "date": effect.date,
@@ -372,15 +366,11 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
     is another machine's.
     """
     name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
-    path = str(free_path(Path(), name, ".yaml"))
-    return machine_file_in(load_tree(document_from_bytes(machine_text(model).encode(), path)))
+    return _stored(machine_text(model), str(free_path(Path(), name, ".yaml")))
 
 
 def with_history(
-    file: StoredMachine,
-    active: Active | None,
-    corrected: Corrections | None,
-    *history: Entered,
+    file: StoredMachine, active: Active | None, corrected: Corrections | None, *history: Entered
 ) -> StoredMachine:
     """The file with other active values and corrections (None: the same), and history, not
     written.
@@ -402,19 +392,17 @@ def with_history(
     return replace(file, model=model, document=replace(file.document, text=text))
 
 
-def new_machine(values: Mapping[str, object], path: str) -> str:
-    """The text of a machine file with these values; the others are the shipped one's of its kind.
+def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
+    """A machine file with these values, not written yet; the others are the shipped one's.
 
-    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises
-    InputError: they do not make a machine; each with its key.
+    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises InputError:
+    they do not make a machine; each with its key, and no line: the file is not there yet.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
     text = edited(shipped, {**values, "history": [], "complete": True})
     try:
-        machine_from_text(text, path)
+        return _stored(text, path)
     except InputError as error:
-        # The file is not there yet: its lines say nothing.
         faults = [replace(fault, file=None, line=None, problems=()) for fault in error.problems]
         raise InputError.of(faults) from error
-    return text

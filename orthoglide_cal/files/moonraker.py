@@ -9,12 +9,9 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Thread
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from orthoglide_cal.errors import InputError, UsageError, system_words, visible
-
-if TYPE_CHECKING:
-    from urllib.error import HTTPError
 
 KEY = "MOONRAKER_API_KEY"
 PORT = 7125
@@ -22,7 +19,6 @@ _TIMEOUT_S = 10.0  # between two of its bytes
 WHOLE_S = 30.0  # for a question and all of its answer
 T = TypeVar("T")
 _LARGEST = 5_000_000  # bytes of an answer
-_LONGEST = 10_000  # bytes of a refusal
 _CONFIG = "/server/files/config/printer.cfg"
 _IDLE = ("standby", "complete", "cancelled", "error")
 _OTHER = f"Give the address of Moonraker; its port is usually {PORT}."
@@ -107,71 +103,65 @@ def in_time(exchange: Callable[[], T], seconds: float) -> T:
 
 def _asked(address: str, path: str, *keys: str) -> object:
     """What an answer in JSON has under these keys of its `result`. Raises InputError."""
-    import json
-
-    answer = _request(address, path)
-    try:
-        value = json.loads(answer)["result"]
-        for key in keys:
-            value = value[key]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    value = _value(_request(address, path), "result", *keys)
+    if value is None:
         problem = f"The server there is not Moonraker, or does not report its {keys[-1]}."
-        raise InputError(problem, _OTHER, file=address) from error
+        raise InputError(problem, _OTHER, file=address)
     return value
 
 
-def _message(error: "HTTPError") -> str:
-    """What a server gives as the reason of an error; "" if it gives none."""
+def _value(answer: bytes, *keys: str) -> object:
+    """What an answer in JSON has under these keys; None if it has nothing there."""
     import json
 
-    with error, suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
-        return visible(str(json.loads(error.read(_LONGEST))["error"]["message"]))[:300]
-    return ""
+    with suppress(ValueError, KeyError, TypeError, RecursionError):
+        value = json.loads(answer)
+        for key in keys:
+            value = value[key]
+        return value
+    return None
 
 
 def _request(address: str, path: str, body: bytes | None = None, kind: str = "") -> bytes:
     """The answer to a request; one with a body is a POST. Raises InputError."""
-    from http.client import HTTPException
-    from urllib.error import HTTPError
-    from urllib.request import ProxyHandler, Request, build_opener
+    from http.client import HTTPConnection, HTTPException, HTTPSConnection
 
-    request = Request(address + path, data=body, headers={"Content-Type": kind} if kind else {})
-    if key := os.environ.get(KEY):
-        request.add_unredirected_header("X-Api-Key", key)
+    scheme, _, host = address.partition("://")
+    # A printer is in the same network: no proxy knows it.
+    made = HTTPSConnection if scheme == "https" else HTTPConnection
+    connection = made(host, timeout=_TIMEOUT_S)
+    headers = {"Content-Type": kind, "X-Api-Key": os.environ.get(KEY, "")}
+    given = {name: value for name, value in headers.items() if value}
 
-    reason = ""  # of a refusal; it is a part of the answer
-
-    def exchange() -> bytes:
-        nonlocal reason
-        try:
-            # A printer is in the same network: no proxy knows it.
-            with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
-                data: bytes = answer.read(_LARGEST + 1)
-                if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
-                    raise HTTPException("the answer was cut off")
-                return data
-        except HTTPError as error:
-            reason = _message(error)
-            raise
+    def exchange() -> tuple[int, str, bytes]:
+        connection.request("GET" if body is None else "POST", path, body, given)
+        with connection.getresponse() as answer:
+            data = answer.read(_LARGEST + 1)
+            if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
+                raise HTTPException("the answer was cut off")
+            return answer.status, answer.reason, data
 
     try:
-        data = in_time(exchange, WHOLE_S)
-    except HTTPError as error:
-        problem, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
-        if reason and error.code in (403, 503):
-            problem = f"The server refuses it ({error.code}): {reason.removesuffix('.')}."
-            remedy = "Look at the server and at Klipper's log."
-        elif error.code in (401, 403):
-            problem = f"The server wants a key ({error.code})."
-            remedy = f"Set the environment variable to its API key: {KEY}."
-        elif error.code == 404 and path == _CONFIG:
-            problem, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
-        raise InputError(problem, remedy, file=address) from error
+        status, words, data = in_time(exchange, WHOLE_S)
     except (OSError, HTTPException, ValueError) as error:
-        reason = visible(system_words(getattr(error, "reason", None) or error)).strip() or "cut off"
+        reason = visible(system_words(error)).strip() or "cut off"
         reason = "no answer in time" if "timed out" in reason else reason
         remedy = "Check the address, the port, and that the printer is switched on."
         raise InputError(f"The server cannot be read: {reason}.", remedy, file=address) from error
-    if len(data) > _LARGEST:
-        raise InputError("The server there is not Moonraker.", _OTHER, file=address)
-    return data
+    finally:
+        connection.close()
+    problem, remedy = f"The server answers {status} {visible(words)}.", "Check the address."
+    if status in (403, 503) and (answer := _value(data, "error", "message")):
+        reason = visible(str(answer))[:300].removesuffix(".")
+        problem = f"The server refuses it ({status}): {reason}."
+        remedy = "Look at the server and at Klipper's log."
+    elif status in (401, 403):
+        problem = f"The server wants a key ({status})."
+        remedy = f"Set the environment variable to its API key: {KEY}."
+    elif status == 404 and path == _CONFIG:
+        problem, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
+    elif len(data) > _LARGEST:
+        problem, remedy = "The server there is not Moonraker.", _OTHER
+    elif 200 <= status < 300:
+        return data
+    raise InputError(problem, remedy, file=address)

@@ -95,7 +95,7 @@ def probe_points_csv(readings: Readings) -> str:
 
 
 def stored_mesh(
-    source: Source, mesh: str, touches: Floats, trigger: float, order: Ints | None = None
+    source: Source, touches: Floats, trigger: float, order: Ints | None = None
 ) -> Readings:
     """A mesh from line, x, y and height of its touches, shape (n, 4); in their order if None.
 
@@ -105,18 +105,11 @@ def stored_mesh(
     place = np.column_stack((x, y, height + trigger))
     order = np.arange(len(line)) if order is None else order
     plan = touching(place, np.full(len(line), trigger), order)
-    source = replace(source, excerpt=Excerpt("mesh", "", mesh=mesh))
     return Readings(plan, height, line.astype(int), False, source)
 
 
 def stored_grid(
-    source: Source,
-    mesh: str,
-    x: Floats,
-    y: Floats,
-    height: Floats,
-    line: Sequence[int],
-    offset: Floats,
+    source: Source, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
 ) -> Readings:
     """A mesh from rows of heights (m, n), NaN where nothing was probed, at x (n,), y (m,) [mm].
 
@@ -129,7 +122,7 @@ def stored_grid(
     across, along = (place[probed] for place in np.meshgrid(x, y))
     lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
     touches = np.column_stack((lines, across - offset[0], along - offset[1], height[probed]))
-    return stored_mesh(source, mesh, touches, offset[2], np.argsort(np.argsort(turn[probed])))
+    return stored_mesh(source, touches, offset[2], np.argsort(np.argsort(turn[probed])))
 
 
 @dataclass(frozen=True)
@@ -221,15 +214,14 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
         again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
         probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
         raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
-    readings = file.data[chosen]
-    _check_stored(readings, machine)
+    readings, mesh = file.data[chosen], chosen == "mesh"
+    _check_stored(readings, machine, reckoned=file.firmware == "klipper" and not mesh)
     touches = readings.plan.touches
-    words = f"{touches.sum()} {'points of a mesh' if readings.source.excerpt else 'heights'}"
+    words = f"{touches.sum()} {'points of a mesh' if mesh else 'heights'}"
     if not touches.all():
         words += f" and {np.sum(~touches)} distances"
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
-    steps = "" if chosen == "mesh" else file.steps
-    excerpt = Excerpt(chosen, words, file.firmware, file.unknown, steps=steps)
+    excerpt = Excerpt(chosen, words, file.firmware, file.unknown, "" if mesh else file.steps)
     return replace(
         readings,
         plan=replace(readings.plan, precision=np.where(touches, 1.0, ratio)),
@@ -238,27 +230,23 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     )
 
 
-def _check_stored(readings: Readings, machine: LinearDelta) -> None:
-    """Raise InputError for readings that cannot belong to the settings in force."""
-    n, value, source, touches = (
-        len(readings),
-        readings.value,
-        readings.source,
-        readings.plan.touches,
-    )
-    mesh = f"mesh {source.excerpt.mesh!r}" if source.excerpt else ""
-    far, away = ~(np.abs(value) < _FAR_MM), np.hypot(*readings.plan.spots.T[:2])
-    if mesh and n > 1 and np.ptp(value) == 0.0:
+def _check_stored(readings: Readings, machine: LinearDelta, *, reckoned: bool) -> None:
+    """Raise InputError for readings that cannot belong to the settings in force.
+
+    They may be `reckoned` from steps by DELTA_CALIBRATE.
+    """
+    n, value, away = len(readings), readings.value, np.hypot(*readings.plan.spots.T[:2])
+    far = ~(np.abs(value) < _FAR_MM)
+    if n > 1 and np.ptp(value) == 0.0 and not reckoned:
         index, remedy = 0, "Probe the bed, and save the mesh."
-        what = f"All {n} heights of the {mesh} are {value[0]:g}: a placeholder, not a measurement."
+        what = f"All {n} heights are {value[0]:g}: a placeholder, not a measurement."
     elif far.any():
         index = int(np.argmax(far))
-        what, remedy = "A height of the mesh", "Check it, and probe the bed again."
-        if not touches[index]:
+        what, remedy = "The height", "Check it, and probe the bed again."
+        if not readings.plan.touches[index]:
             what = "The stored distance"
             remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
-        elif not mesh:
-            what = "The stored height"
+        elif reckoned:
             remedy = (
                 "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length"
                 " changed after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."
@@ -266,13 +254,13 @@ def _check_stored(readings: Readings, machine: LinearDelta) -> None:
         size = abs(float(value[index]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
         what = f"{what} is {off} with the settings in force."
-    elif mesh and away.max() > BEYOND * machine.bed_radius_mm:
+    elif away.max() > BEYOND * machine.bed_radius_mm and not reckoned:
         index = int(np.argmax(away))
-        what = f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed."
+        what = f"The place is {away.max():.0f} mm from the middle of the bed."
         remedy = (
-            f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
-            "print_radius of [printer], else its delta_radius; or B of M665."
+            f"Check it, and the radius of the bed ({machine.bed_radius_mm:g} mm): print_radius of"
+            " [printer], else its delta_radius; or B of M665."
         )
     else:
         return
-    raise InputError(what, remedy, file=source.path, line=int(readings.line[index]))
+    raise InputError(what, remedy, file=readings.source.path, line=int(readings.line[index]))

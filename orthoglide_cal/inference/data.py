@@ -29,7 +29,7 @@ from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
-from orthoglide_cal.estimation.least_squares import LeastSquaresFit
+from orthoglide_cal.estimation.methods import LeastSquaresFit
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Influence, Machine
@@ -156,9 +156,9 @@ class Whitened(ReadOnly):
             white = cls.of_plan(measured.plan, model, measured.timed)
             require_rank(white.problem)
             plan, warm, kelvin = measured.plan, measured.temperature, None
-            rows = plan.in_time[np.isfinite(warm[plan.in_time])]
-            if rows.size > 1:
-                kelvin = np.interp(plan.order, plan.order[rows], warm[rows] - warm[rows[0]])
+            known = plan.in_time[np.isfinite(warm[plan.in_time])]
+            if known.size > 1:
+                kelvin = np.interp(plan.order, plan.order[known], warm[known] - warm[known[0]])
             unit = model.machine.instrument.mistaken_unit(measured)
             return replace(white, data=white.matrix @ measured.value, unit_mm=unit, kelvin=kelvin)
         posed = pose(measured, model, measured.kind)

@@ -552,6 +552,6 @@ def decide_by(linear: Belief) -> Decision:
         # A pattern, alone or beside the accepted cause, may make it a wrong name.
         patterns = (*belief.patterns.values(), *belief.beside(accepted))
         likeliest = max(one.log_weight for one in patterns) - belief.log_weight[accepted]
-        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
-        doubted = likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
+        bearable = OPEN_ANSWER * belief.something / belief.listed[accepted]
+        doubted = likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
     return Decision(belief.closely()) if doubted else decision

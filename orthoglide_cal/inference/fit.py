@@ -281,7 +281,7 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     fit = _settle(fit)
     if fit is begun and hypothesis.by_noise is not None:  # as it was scored
         return _concluded(fit, hypothesis.by_noise, hypothesis.log_evidence)
-    return _judged(fit)
+    return _concluded(fit, *_evidence(fit))
 
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
@@ -374,8 +374,8 @@ def _settle(fit: Fit) -> Fit:
     return replace(fit, uncertain=uncertain, columns=np.hstack(columns), seen=seen)
 
 
-def _judged(fit: Fit) -> Fit:
-    """The fit with its evidence where it ended, σ, and the causes that it finds.
+def _evidence(fit: Fit) -> tuple[Floats, float]:
+    """ln p by σ, if all parameters act, (s, g), and the evidence of a fit where it ended.
 
     Of a relabelling only the place at which it was undone.
     """
@@ -392,7 +392,6 @@ def _judged(fit: Fit) -> Fit:
     alone = len(base) < 2 and (extra is None or hypothesis.replanned is not None)
     scales = at.scales if alone else at.usual
     density = density_of(at, [base], scales, [fit.derivatives], [seen])
-    # By scale and σ if all parameters act, (s, g).
     by_noise = density.by_noise(data)
     if placed is None or placed.patterns is None:
         log = by_noise[0]
@@ -404,7 +403,7 @@ def _judged(fit: Fit) -> Fit:
         (evidence,) = all_or_one(at, base, data, [evidence], [fit.derivatives])
     elif base:
         evidence += LOG_ALL
-    return _concluded(fit, log, evidence + weight)
+    return log, evidence + weight
 
 
 def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
@@ -423,15 +422,13 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
         fit = replace(fit, centre=centre, sizes=sizes)
         moved, fit = fit.moved, fit.with_sigma(by_noise)
     unknowns, covariance = centre + moved, fit.covariance
+    drafts = [*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])]
     effects = [
-        Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
-        for cause, slot in zip(base, fit.slots, strict=False)
+        replace(effect, theta=unknowns[slot], covariance=covariance[slot, slot])
+        if slot.start < slot.stop
+        else effect
+        for effect, slot in zip(drafts, fit.slots, strict=True)
     ]
-    if extra is not None:
-        slot = fit.slots[-1]
-        if slot.start < slot.stop:
-            extra = replace(extra, theta=unknowns[slot], covariance=covariance[slot, slot])
-        effects.append(extra)
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
         log_evidence = -math.inf
     log_evidence += bounds

@@ -240,8 +240,8 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed) -> 
     likelier.sort(key=attrgetter("log_weight"), reverse=True)
     best, rest = [_several_wrong(at, one) for one in likelier[:SEARCHED]], likelier[SEARCHED:]
     if others := max(best, key=attrgetter("log_weight")).wrong_readings[:-1]:
-        both = ((score, _further(at, score, others)) for score in rest)
-        rest = [max(pair, key=attrgetter("log_evidence")) for pair in both]
+        more = ((score, _further(at, score, others)) for score in rest)
+        rest = [max(pair, key=attrgetter("log_evidence")) for pair in more]
     return best + rest
 
 

@@ -18,13 +18,13 @@ from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
-from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
+from orthoglide_cal.estimation.methods import fit_offsets
 from orthoglide_cal.inference.data import UNSEEN, Whitened, as_read
 from orthoglide_cal.inference.fit import Fit, HeldOut
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Bools, Floats, Plan, joined, without_zeros
+from orthoglide_cal.model.plan import Floats, Plan, joined, without_zeros
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
 MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
@@ -204,19 +204,3 @@ def predict(
         ]),
         np.log([[share] for share, _ in weighted]),
     )  # fmt: skip
-
-
-def chance_of_one_answer(
-    odds: tuple[Floats, Floats], spare: Floats, shares: Floats, others: Bools
-) -> float:
-    """Chance that new readings dismiss all other answers than the true explanation.
-
-    Args:
-        odds: as of `Mixture.log_odds`.
-        spare: ln of how far below its bound a rival is against the true one already, (f, f).
-        shares: probability of each explanation, shape (f,).
-        others: which rivals are other answers, (f, f).
-    """
-    mean, std = odds
-    dismissed = np.where(others, ndtr((spare + mean) / std), 1.0).min(axis=1)
-    return float(shares @ dismissed) if others.any() else 0.0

@@ -10,10 +10,10 @@ more than their gauge's noise.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations, permutations, product
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from orthoglide_cal.estimation.losses import (
 from orthoglide_cal.inference.belief import probabilities
 from orthoglide_cal.inference.decision import state
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
-from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.words import MM_PER_INCH
 
 # Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
@@ -54,22 +54,13 @@ PRIOR = dict.fromkeys(Behaviour, 0.1) | {Behaviour.AS_MODELLED: 0.5}
 SIGNS_KEPT, SIGNS_CHANGED = 0.5 / 5.0, 0.5 / 41.0
 
 
-@dataclass(frozen=True, eq=False)
-class Response(ReadOnly):
+class Response(NamedTuple):
     """One hypothesis: what each axis did."""
 
     behaviour: Behaviour
     share: float  # of the prior of that behaviour
     moved: Floats  # what the axes moved by, shape (3,) [mm]
     free: Floats  # columns of what is free about it, of size 1, shape (3, q) [mm]
-
-    def log_weight(self, change: Floats, jacobian: Floats, noise: NoiseGrid) -> float:
-        """ln of prior times evidence; arguments as of `decide_response`, and σ with its weights."""
-        columns = jacobian @ np.hstack((np.diag(STANDS * self.moved), self.free))
-        sizes = np.repeat(SIZES[:, None], columns.shape[1], axis=1)
-        sizes[:, : len(self.moved)] = 1.0
-        log = Gaussian(columns, sizes, noise).by_noise(change - jacobian @ self.moved)
-        return log_mean(log) + math.log(self.share * PRIOR[self.behaviour])
 
 
 def responses(applied: Floats) -> Iterator[Response]:
@@ -104,11 +95,16 @@ def decide_response(
         applied: what was entered, shape (3,) [mm], not all zero.
         noise_mm: standard deviation of one reading, as stated.
     """
-    noise = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE)))
-    weighed = [(one.log_weight(change, jacobian, noise), one) for one in responses(applied)]
+    noise, weighed = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE))), []
     weights: dict[Behaviour, list[float]] = {}
-    for log, response in weighed:
-        weights.setdefault(response.behaviour, []).append(log)
+    for one in responses(applied):
+        columns = jacobian @ np.hstack((np.diag(STANDS * one.moved), one.free))
+        sizes = np.repeat(SIZES[:, None], columns.shape[1], axis=1)
+        sizes[:, : len(one.moved)] = 1.0
+        log = log_mean(Gaussian(columns, sizes, noise).by_noise(change - jacobian @ one.moved))
+        log += math.log(one.share * PRIOR[one.behaviour])
+        weighed.append((log, one))
+        weights.setdefault(one.behaviour, []).append(log)
     belief = probabilities({key: float(log_sum(np.array(logs))) for key, logs in weights.items()})
     stated, _ = state(belief, Behaviour.AS_MODELLED, MISSED_FAULT, NEEDLESS_HOLD)
     either = Behaviour.AS_MODELLED, Behaviour.NO_RESPONSE

@@ -61,7 +61,6 @@ class Excerpt:
     words: str  # how much of what
     firmware: str = "klipper"  # whose the file is, as an export names it
     unknown: str = ""  # why the settings in force are not known, in a sentence
-    mesh: str = ""  # its name among several
     steps: str = ""  # that it was reckoned from with the settings in force, as stored
 
 

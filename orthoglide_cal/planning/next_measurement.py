@@ -26,15 +26,16 @@ from itertools import product
 from operator import ne
 
 import numpy as np
+from scipy.special import ndtr
 
 from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN, loss_after
+from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict
+from orthoglide_cal.inference.prediction import expect, predict
 from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings
@@ -277,8 +278,12 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     places, known = Counter(ids), np.ones_like(shares) if alone else shares
     bounds = np.array([[keep_ratio(other, one) / places[other] for other in ids] for one in ids])
     spare, shares = np.log(known[:, None] / known * bounds), shares / shares.sum()
-    chances = [chance_of_one_answer(pair, spare, shares, others) for pair in odds]
-    losses = [loss_after(o.minutes, chance) for o, chance in zip(choice, chances, strict=True)]
+    # Chance that new readings dismiss all other answers than the true explanation.
+    sure = [np.where(others, ndtr((spare + mean) / std), 1.0).min(axis=1) for mean, std in odds]
+    chances = (np.stack(sure) @ shares * others.any()).tolist()
+    # A session of its own; where it leaves several answers, somebody comes back for it.
+    asked = zip(choice, chances, strict=True)
+    losses = [SITTING + o.minutes + (1.0 - chance) * STILL_OPEN for o, chance in asked]
     open_pairs = others & (apart.max(axis=0) >= TRACE_SIGMA) & (min(losses) < STILL_OPEN)
     decides = bool(open_pairs.any())
     total = sum(share for share, _ in diagnosis.left_open)

@@ -11,7 +11,7 @@ numbers of cycles, protocols and methods, and the best design takes the fewest r
 """
 
 from bisect import bisect_left
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -115,17 +115,16 @@ class SessionForecast(Schema):
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
-        determined, U of what other readings could reduce and of what is taken as stated."""
-        machine, parts = self.model.machine, self.budget.contributions
-        others = {part.source for part in parts}.difference(machine.fixed_parameters)
-        scatter = [part.std for part in parts if part.source in AVERAGED]
+        determined, and U of what other readings could reduce."""
+        machine = self.model.machine
+        lessened = self.budget.without(machine.fixed_parameters)
+        scatter = [part.std for part in self.budget.contributions if part.source in AVERAGED]
         columns = {
             "unit": machine.parameter_units,
             "noise_std": np.sqrt(np.sum(np.square(scatter), axis=0)).tolist(),
             "expanded": self.budget.expanded_mm.tolist(),
             "determined": determined(self.model, self.budget.expanded_mm),
-            "lessened": self._expanded_without(machine.fixed_parameters),
-            "fixed": self._expanded_without(others),
+            "lessened": lessened.expanded_mm.tolist(),
         }
         named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)
         return {name: dict(zip(columns, row, strict=True)) for name, row in named}
@@ -167,16 +166,9 @@ class SessionForecast(Schema):
     @cached_property
     def floor(self) -> Budget | None:
         """The budget without the scatter of the readings; None if nothing is left of it."""
-        return self._without(AVERAGED)
-
-    def _without(self, sources: Collection[str]) -> Budget | None:
-        left = self.budget.without(sources).contributions
+        left = self.budget.without(AVERAGED).contributions
         parts = tuple(part for part in left if np.any(np.square(part.std) > TINY))
         return Budget(parts) if parts else None
-
-    def _expanded_without(self, sources: Collection[str]) -> list[float]:
-        left = self._without(sources)
-        return [0.0] * len(self.budget.std_mm) if left is None else left.expanded_mm.tolist()
 
 
 def lengths(model: Model, values: Sequence[float]) -> dict[str, float]:

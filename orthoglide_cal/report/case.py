@@ -259,16 +259,14 @@ def signed_page(
     machine: Machine,
     identity: Identity,
     inputs: Sequence[tuple[InputFile, Validity]],
-    *facts: tuple[str, doc.Blank],
 ) -> doc.Page:
     """The beginning of a numbered page: its subject, and the conditions under which it holds.
 
-    Its `inputs` are one measurement, or before and after; of simulated ones it is no report. The
-    `facts` stand behind its number.
+    Its `inputs` are one measurement, or before and after; of simulated ones it is no report.
     """
     words = machine.vocabulary
     simulated = any(validity.simulated for _, validity in inputs)
-    first_facts = ("Number", doc.code(identity.number)), *facts
+    number = ("Number", doc.code(identity.number))
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
     first, *later = (dict(_conditions(*recorded, machine.noted)) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
@@ -284,7 +282,7 @@ def signed_page(
         kind="Practice report" if simulated else kind,
         title=machine.name,
         number=identity.number,
-        facts=doc.Facts((*stated(machine, OWNER), *first_facts, issued)),
+        facts=doc.Facts((*stated(machine, OWNER), number, issued)),
         sheet=[doc.Section(None, strip)],
         scope=f"The results relate only to the machine and the {words.instruments} named here, as"
         f" they were when measured, and to the {words.positions} and conditions stated. The report"

@@ -19,7 +19,7 @@ def in_html(content: str) -> Html:
     """Plain text as markup; markup stays as it is."""
     if isinstance(content, Html):
         return content
-    return Html(escape(content if content.isprintable() else visible(content), quote=True))
+    return Html(escape(visible(content)))
 
 
 def join(parts: Iterable[Child], between: str = "") -> Html:

@@ -18,7 +18,6 @@ from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
-from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.report.case import size_words
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.results.answer import Shim
@@ -51,9 +50,9 @@ class Scale:
             return (self.start + self.end) / 2.0
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
-    def ticks(self, count: int = 4) -> list[tuple[float, str, str]]:
-        """Place, class and number of about so many grid lines at round numbers."""
-        step = round_up(0.999 * (self.high - self.low) / count, 1.0, 2.0, 2.5, 5.0)
+    def ticks(self) -> list[tuple[float, str, str]]:
+        """Place, class and number of about four grid lines at round numbers."""
+        step = round_up(0.999 * (self.high - self.low) / 4.0, 1.0, 2.0, 2.5, 5.0)
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         kinds = ((k * step, "grid" if k else "zero") for k in range(first, last + 1))
         return [(self(value), kind, number(value)) for value, kind in kinds]
@@ -214,29 +213,22 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
 
 
 def workspace_maps(
-    first: Workspace, after: Workspace | None = None, limit_mm: float | None = None
-) -> tuple[Html, ...]:
-    """Error of the tool position in slices, the highest first: three before, three after.
+    views: Sequence[tuple[str, Floats, float, Sequence[float]]],
+    ends: tuple[float, float],
+    limit_mm: float | None = None,
+) -> Iterator[Html]:
+    """Error of the tool position in slices, the highest first.
 
     Args:
-        first: as found, and what is expected; with its maps.
-        after: of the machine as it was measured afterwards; None shows what is expected.
+        views: when, errors (slices, y, x), the largest of the whole cube, and where that is [mm].
+        ends: of the cube, along each axis [mm].
         limit_mm: drawn as a contour; None for none.
 
     The last picture is the one scale of their colours, which begins at zero.
     """
-    measured = after or first
-    assert first.maps is not None
-    assert measured.maps is not None
-    pictures = [("as found", first.maps[0], first.before_mm, first.worst_before_mm)]
-    if after is None:
-        pictures.append(("expected", first.maps[1], first.after_mm, first.worst_after_mm))
-    else:
-        pictures.append(("as left", measured.maps[0], after.before_mm, after.worst_before_mm))
-    limits = class_limits(max(float(error.max()) for _, error, *_ in pictures))
-    ends, panels = first.cube_mm, []
+    limits = class_limits(max(float(error.max()) for _, error, *_ in views))
     across = Scale(*ends, 0.0, _SIZE)
-    for when, error, worst_mm, (x_mm, y_mm, z_mm) in pictures:
+    for when, error, worst_mm, (x_mm, y_mm, z_mm) in views:
         most = two_figures(worst_mm)
         finding = f"Tool-position error in a slice of the workspace, {when}. It is at most"
         finding += f" {most} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
@@ -252,10 +244,9 @@ def workspace_maps(
             if abs(z_mm - level) < 1e-6:
                 x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - across(y_mm)
                 body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
-            panels.append(svg(216.0, _ABOVE + _SIZE + 20.0, title, finding, body))
+            yield svg(216.0, _ABOVE + _SIZE + 20.0, title, finding, body)
     title, finding = "Colours of the maps", "From zero upwards, in mm."
-    colours = _colours(14.0, 2.0, limits, "mm", "h")
-    return *panels, svg(276.0, 30.0, title, finding, colours)
+    yield svg(276.0, 30.0, title, finding, _colours(14.0, 2.0, limits, "mm", "h"))
 
 
 def _cells(number: Ints) -> Iterator[Html]:

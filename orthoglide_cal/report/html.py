@@ -13,7 +13,7 @@ from importlib.resources import files
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.escape import Html, join, tag
 
-_COLUMNS = {0: "half", 1: "one", 2: "two", 3: "three"}
+_COLUMNS = {0: "half", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
 MOST_PANELS = 3  # of a picture in half the width of a wide screen
 # What must not break: a date, a coordinate behind its sign, a value before its uncertainty.

@@ -35,6 +35,8 @@ _TEXTS = tomllib.loads(files("orthoglide_cal.report").joinpath("sentences.toml")
 SOURCES: Mapping[str, Mapping[str, str]] = _TEXTS["sources"]
 # How a machine responded → that in a sentence, and what to do where it is wrong.
 RESPONSES: Mapping[str, Mapping[str, str]] = _TEXTS["responses"]
+# Format of an export → where its lines go, and what they lack; what begins a comment there.
+FIRMWARES: Mapping[str, Mapping[str, str]] = _TEXTS["firmwares"]
 # How readings deviate → what gauges do, {s} with one; the effect in one noun; what to do.
 _PATTERNS: Mapping[str, Mapping[str, str]] = _TEXTS["patterns"]
 # Readings that a gauge can hardly have shown → why, and what to do.

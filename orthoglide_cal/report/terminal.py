@@ -27,7 +27,6 @@ _STYLES = {
 }
 _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _GAP = "  "
-_LONGEST_NAME = 30
 # A number keeps its name and unit on its line: their blank is none while lines are broken.
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
@@ -64,22 +63,18 @@ class _Lines:
 
     def of(self, page: doc.Page) -> Iterator[Text]:
         headed, begun = page.title is not None, page.notice is not None
-        if page.stamp is not None:
-            yield from self._flow(doc.doubtful(page.stamp))
-        if headed:
-            yield from self._flow(doc.strong(f"{page.kind}: {page.title}"))
-        if page.facts is not None:
-            yield from self._facts(page.facts)
-        if page.notice is not None:
-            yield from self._notice(page.notice)
+        title = doc.strong(f"{page.kind}: {page.title}") if headed else None
+        for top in (page.stamp and doc.doubtful(page.stamp), title, page.facts, page.notice):
+            if top is not None:
+                yield from self._block(top)
         for section in page.in_characters:
             if headed or begun:
                 yield Text()
             begun = True
             if section.title is not None:
                 yield from self._flow(doc.strong(section.title))
+            close = section.title is None and not headed
             for number, block in enumerate(section.blocks):
-                close = section.title is None and not headed
                 if number and isinstance(block, doc.Grid | doc.Facts | doc.Figure) and not close:
                     yield Text()
                 yield from self._block(block, _GAP if close else "")
@@ -95,7 +90,8 @@ class _Lines:
             case doc.Notice():
                 yield from self._notice(block)
             case doc.Facts():
-                yield from self._facts(block, _GAP)
+                rows = [(doc.small(name), value) for name, value in block.rows]
+                yield from self._grid(doc.Grid(("", ""), rows, words=(0, 1)))
             case doc.Grid():
                 yield from self._grid(block)
             case doc.Figure():
@@ -135,75 +131,65 @@ class _Lines:
         whole = (k for k, part in enumerate(parts) if part.style in ("typed", "blank"))
         end = next(whole, len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
-        lines = self._wrapped(sentence, self._width - taken)
+        lines = _wrapped(sentence, self._width - taken)
         if command:
             # Wrapping took the blank between the two away.
             space = " " if sentence.plain.endswith(" ") else ""
             lines[-1] = Text.assemble(lines[-1], space, command)
         return lines
 
-    def _wrapped(self, text: Text, width: int) -> list[Text]:
-        lines = [text.copy()]  # most fit, and wrapping takes its time
-        if text.cell_len > width or "\n" in text.plain or "\t" in text.plain:
-            lines = list(text.wrap(_ANY, max(width, 1), overflow="fold")) or [Text()]
-        for line in lines:
-            line.rstrip()
-        return lines
-
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
         sign = Text(notice.tone.sign, f"bold {_COLOURS[notice.tone]}")
-        *lines, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
-        yield from lines
-        aside = Text(visible(notice.aside))
+        *above, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
+        aside, lines = _text(notice.aside), notice.lines
         space = self._width - last.cell_len - aside.cell_len
-        fits = space >= len(_GAP)
-        yield Text.assemble(last, " " * space, aside) if aside and fits else last
-        for line in (*([] if fits else [notice.aside]), *notice.lines):
+        if space >= len(_GAP):
+            last = Text.assemble(last, " " * space, aside)
+        elif aside:
+            lines = (notice.aside, *lines)
+        yield from (*above, last)
+        for line in lines:
             yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
-
-    def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
-        names = [_text(name, "dim") for name, _ in facts.rows]
-        room = min(max((name.cell_len for name in names), default=0), _LONGEST_NAME)
-        for name, (_, value) in zip(names, facts.rows, strict=True):
-            lines = self._flow(value, len(indent) + room + len(_GAP))
-            row = _row([self._wrapped(name, room), lines], (room, 0), (0, 1))
-            yield from _hung(row, indent, indent)
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
         """The table, its columns of words squeezed; its rows as sentences where it is too wide."""
+        head = [_text(title, "dim") for title in grid.head]
         rows = [[_text(cell) for cell in row] for row in grid.rows]
-        if any(grid.head):
-            rows.insert(0, [_text(title, "dim") for title in grid.head])
-        widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
+        widths = [max(cell.cell_len for cell in column) for column in zip(head, *rows, strict=True)]
         over = sum(widths) + len(_GAP) * len(widths) - self._width
         for k in sorted(grid.words, key=lambda k: -widths[k]):
             less = min(max(over, 0), max(widths[k] - _NARROWEST, 0))
             widths[k] -= less
             over -= less
         if over > 0:
-            yield from self._listed(*rows)
-        for row in rows if over <= 0 else ():
-            cells = [self._wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
-            yield from _hung(_row(cells, widths, grid.words), _GAP, _GAP)
+            for name, *cells in rows:
+                named = (pair for pair in zip(head[1:], cells, strict=True) if pair[1])
+                parts = (Text.assemble(title, " " * bool(title), cell) for title, cell in named)
+                line = Text.assemble(name, ": ", Text(", ").join(parts))
+                yield from _hung(_wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
+        else:
+            for row in [head, *rows] if any(grid.head) else rows:
+                texts = [_wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
+                yield from _hung(_row(texts, widths, grid.words), _GAP, _GAP)
         if grid.caption:
             yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
-
-    def _listed(self, head: Sequence[Text], *rows: Sequence[Text]) -> Iterator[Text]:
-        """Each row as a sentence of titles and cells."""
-        for name, *cells in rows:
-            named = zip(head[1:], cells, strict=True)
-            parts = (Text.assemble(title, " ", cell) for title, cell in named if cell)
-            line = Text.assemble(name, ": ", Text(", ").join(parts))
-            yield from _hung(self._wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
 
 
 def _text(content: doc.Blank, style: str = "") -> Text:
     text = Text(style=style)
     for part in doc.parts_of(content):
-        shown = part.text if part.text.isprintable() else visible(part.text)
-        text.append(shown, _STYLES.get(part.style, ""))
+        text.append(visible(part.text), _STYLES.get(part.style, ""))
     text.plain = _HELD.sub(_BLANK_HELD, text.plain)
     return text
+
+
+def _wrapped(text: Text, width: int) -> list[Text]:
+    lines = [text.copy()]  # most fit, and wrapping takes its time
+    if text.cell_len > width:
+        lines = [*text.wrap(_ANY, max(width, 1), overflow="fold")]
+    for line in lines:
+        line.rstrip()
+    return lines
 
 
 def _hung(lines: Iterable[Text], first: str | Text, rest: str | Text) -> Iterator[Text]:

@@ -1,27 +1,25 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, correcting
-from orthoglide_cal.errors import UnusableResultError, UsageError, command
-from orthoglide_cal.files.comp_table import Added
-from orthoglide_cal.files.controller_file import ControllerFile, holds
+from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError, command
+from orthoglide_cal.files.controller_file import ControllerFile, holds, replace_file
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
+from orthoglide_cal.files.text import write_text
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Estimate
-from orthoglide_cal.model.machine import Corrections, Entered, Machine, Written, WrittenTable
+from orthoglide_cal.model.machine import Corrections, Entered, Written, WrittenTable
+from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results.answer import Answer
 from orthoglide_cal.schema import Reason
 
@@ -40,22 +38,57 @@ class Application:
 
     file: StoredMachine  # as it is
     entry: Entered  # what is recorded, or taken back
-    undone: bool  # whether it is taken back
     then: StoredMachine  # the machine file as it will be
+    undone: bool = False  # whether the entry is taken back
     given: Input | None = None  # the measurement; None where it is taken back
     controller: ControllerFile | None = None  # as it is; None where it is not written
-    data: bytes = b""  # of the controller's file, as they will be
+    written: Written | None = None  # what changes in it
+    data: bytes = b""  # of it, as it will be
     corrections: tuple[Correction, ...] = ()
+    remarks: tuple[Reason, ...] = ()  # what to know before it is written
+
+    @property
+    def changes(self) -> bool:
+        """False where nothing needs to be entered: then nothing is recorded, either."""
+        return self.then is not self.file
 
     @property
     def tables(self) -> tuple[WrittenTable, ...]:
         """Files beside the controller's that come or go with it."""
         return self.entry.written.tables if self.entry.written else ()
 
-    @property
-    def changes(self) -> bool:
-        """False where nothing needs to be entered: then nothing is recorded, either."""
-        return self.then is not self.file
+    def write(self) -> None:
+        """Write the record, then the controller's file; what is taken back, in the other order.
+
+        So the record never lacks what a controller holds, whenever the program is killed. Raises
+        OrthocalError: a file cannot be written, or was changed meanwhile.
+        """
+        record, controller = self.file.document, self.controller
+        new = not Path(record.path).exists()
+        writes = [(record.path, record.sha256, self.then.document.text.encode())]
+        if controller is not None:
+            writes.append((controller.target, controller.sha256, self.data))
+        if self.undone:
+            writes.reverse()
+        else:  # the name of a table holds its digest: it is new, or what a killed program left
+            writes[:0] = [(table.path, table.sha256, table.text.encode()) for table in self.tables]
+        for target, before, data in writes:
+            try:
+                replace_file(target, before, data)
+            except OrthocalError:
+                if writes[-1][0] == target != record.path and holds(target, before):
+                    if new:
+                        Path(record.path).unlink()
+                    else:
+                        write_text(Path(record.path).resolve(), record.text, overwrite=True)
+                    self._remove_tables()
+                raise
+        if self.undone:
+            self._remove_tables()
+
+    def _remove_tables(self) -> None:
+        for table in self.tables:
+            Path(table.path).unlink(missing_ok=True)
 
 
 def apply(
@@ -64,81 +97,71 @@ def apply(
     file: StoredMachine,
     at: datetime,
     controller: ControllerFile | None = None,
-    values: Callable[[Sequence[Correction]], Mapping[str, float]] = lambda made: {},
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
-    What was active before is what the measurement says of it, not what stands in the file.
-
-    Args:
-        answer: to the input, released; one that needs nothing to be entered changes nothing.
-        file: of the machine that was measured.
-        controller: the controller's file, if it is to be written.
-        values: gives what is to stand there with these corrections, parameter → value [mm, deg],
-            where the file does not add.
-
-    Raises:
-        UsageError: the measurement is of another machine, or was applied before, or other
-            offsets were entered after it; the controller's file is of another kind of machine, or
-            does not hold what it held when that was measured.
+    What was active before is what the measurement says of it, not what stands in the file. A
+    released answer that needs nothing to be entered changes nothing. Raises UsageError: the
+    measurement is of another machine, or was applied before, or other offsets were entered after
+    it; the controller's file is of another kind of machine, or does not hold what it held when that
+    was measured.
     """
-    source, adds = given.measured.source, controller is None or controller.adds
-    machine = file.model.machine
-    if controller is not None and controller.format != machine.controller_formats[0]:
-        kind = "a LinuxCNC" if adds else "Klipper"
-        raise UsageError(
-            f"{controller.target} is of {kind} machine; {machine.name} is of kind {machine.kind}.",
-            "Name the file of its own controller.",
-        )
+    source, model = given.measured.source, given.model
+    for machine in (file.model.machine, model.machine):
+        if controller is not None and controller.format != machine.controller_formats[0]:
+            raise UsageError(
+                f"{controller.target} is a {controller.format} file; {machine.name} is of kind"
+                f" {machine.kind}.",
+                "Name the file of its own controller.",
+            )
     if given.recorded is not None:
         # Causes may have been accepted since; rails and legs are what they were.
         _check_same_machine(given.recorded, file, but=("identified",))
-    measured = given.model.machine
-    before = dict(zip(measured.parameter_names, measured.active, strict=True)) if adds else None
-    active = measured.corrected
-    date = at.isoformat(timespec="milliseconds")
-    entry = Entered(date=date, data_sha256=source.sha256, before=before, after=before)
-    corrections = tuple(_corrections(given.model, answer, controller))
+    adds, digits = recording(given) != "elsewhere", answer.decimals
+    before = {p.name: p.active for p in answer.parameters} if adds else None
+    date, sha256 = at.isoformat(timespec="milliseconds"), source.sha256
+    entry = Entered(date=date, data_sha256=sha256, before=before, after=before)
+    corrections = tuple(_corrections(model, answer, controller)) if controller else ()
     made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
-        return Application(file, entry, False, file)
-    known = _last_written(file, controller)
+        return Application(file, entry, file)
+    history, last = file.model.machine.history, _last_written(file)
+    known = last if last and controller and last.target == controller.target else None
     killed = controller and known and known.sha256_before == controller.sha256
-    if killed and file.model.machine.history[-1].data_sha256 == source.sha256:
+    if killed and history[-1].data_sha256 == sha256:
         # The program wrote the record, but not that file: as if nothing were recorded.
-        file = take_back(file, source.sha256, controller).then
-        known = _last_written(file, controller)
+        return apply(given, answer, take_back(file, sha256, controller).then, at, controller)
     if adds:
         _check_recordable(given, file)
-    written, data, decimals = None, b"", answer.decimals
-    amounts = {p.name: p.change(decimals) for p in answer.parameters}
+        entry = entry.changed(after={p.name: p.new(digits) for p in answer.parameters})
+    if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
+        active = model.machine.corrected
+        entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
+    written, data, remarks = None, b"", list[Reason]()
     if controller is not None:
         # A file that was moved or copied holds what was written; that of another machine does not.
-        stood = known or (_last_written(file) if adds else None)
+        stood = known or (last if adds else None)
         expected = {value.key: value.after for value in stood.values} if stood else {}
         if not adds:
             stands = controller.settings
             expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
-        elif not stood:
-            controller = replace(controller, remarks=(Reason.of("first_written"),))
-        if differing := controller.differing(expected):
-            since = "Somebody changed it since."
+        if unlike := controller.differing(expected):
+            since, instead = "Somebody changed it since.", "measure again with the present values."
             if stood and not known:
                 since = f"The last entry was written to another file: {stood.target}"
-            instead = "enter the offsets by hand, and record them without --to."
-            instead = instead if adds else "measure again with the present values."
-            fault = f"{controller.target}: {differing} {since}"
+            if adds:
+                instead = "enter the offsets by hand, and record them without --to."
+            fault = f"{controller.target}: {unlike} {since}"
             raise UsageError(fault, f"Restore it, or {instead}")
-        tables = _tables(made, controller, machine) if adds else {}
-        written, data = controller.changed(amounts if adds else values(made), decimals, tables)
-    after = None
-    if before is not None:
-        after = {name: round(value + amounts[name], 9) for name, value in before.items()}
-    entry = entry.changed(after=after, written=written)
-    if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
-        entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
-    then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
-    return Application(file, entry, False, then, given, controller, data, corrections)
+        first = Reason.of("first_written") if adds and not stood else None
+        nozzle = (remark for remark in given.measured.remarks if remark.code in NOZZLE)
+        remarks = [*controller.remarks, *filter(None, [first]), *nozzle]
+        changes = {p.name: p.change(digits) for p in answer.parameters}
+        written, data = controller.changed(model, changes, _added_to({}, made), digits)
+    entry = entry.changed(written=written)
+    then = with_history(file, entry.after, entry.corrected, *history, entry)
+    parts = given, controller, written, data, corrections, tuple(remarks)
+    return Application(file, entry, then, False, *parts)
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:
@@ -151,12 +174,8 @@ def check_measured(given: Input, file: StoredMachine | None = None) -> None:
         )
 
 
-def _corrections(
-    model: Model, answer: Answer, controller: ControllerFile | None
-) -> Iterator[Correction]:
+def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> Iterator[Correction]:
     """What is known to be wrong with the joints, or was named, and what may be done about it."""
-    if controller is None:
-        return
     machine = model.machine
     known = [(effect.cause, size) for effect in model.remaining() for size in model.called(effect)]
     if answer.verdict is Verdict.NAMED:
@@ -183,24 +202,6 @@ def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
     return sums
 
 
-def _tables(
-    made: Sequence[Correction], controller: ControllerFile, machine: Machine
-) -> dict[str, Added]:
-    """What is to be added to each joint that is corrected, over its position as it counts."""
-    effects = correcting(machine, _added_to({}, made))
-
-    def added(index: int, origin: float, at: Floats) -> Floats:
-        every = [e.cause.correction(-e.theta, at + origin, machine.home_mm) for e in effects]
-        return np.asarray(np.sum(every, axis=0)[..., index])
-
-    joints = {correction.name for correction in made}
-    return {
-        axis: partial(added, index, controller.tables[axis].origin_mm(machine.home_mm) or 0.0)
-        for index, axis in enumerate(AXES)
-        if axis in joints
-    }
-
-
 def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
     """Return whether a machine file keeps what is entered after this measurement.
 
@@ -223,16 +224,15 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
     written = _last_written(file)
-    if written is None or not written.values or not Path(written.target).is_file():
-        return None
-    return written.target if holds(written.target, written.sha256_before) else None
+    if written and written.values and Path(written.target).is_file():
+        return written.target if holds(written.target, written.sha256_before) else None
+    return None
 
 
-def _last_written(file: StoredMachine, controller: ControllerFile | None = None) -> Written | None:
-    """Return what the last entry wrote to this controller's file, or to any; None for nothing."""
+def _last_written(file: StoredMachine) -> Written | None:
+    """What the last entry wrote to a controller's file; None for nothing."""
     *_, written = None, *(entry.written for entry in file.model.machine.history)
-    elsewhere = written and controller and written.target != controller.target
-    return None if elsewhere else written
+    return written
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:
@@ -279,14 +279,9 @@ def take_back(
 ) -> Application:
     """Undo the last entry: it leaves the history, and what was before it is active again.
 
-    Args:
-        file: the machine file.
-        sha256: digest of the measurement that the last entry must come from; None for any.
-        controller: the file that it was written to.
-
-    Raises:
-        UsageError: there is no such entry, or the offsets were changed since; it was written to
-            another file, or that does not hold what was written any more.
+    `sha256` is of the measurement that it must come from; None for any. Raises UsageError: there is
+    no such entry, or the offsets were changed since; it was written to another file than this
+    controller's, or that does not hold what was written any more.
     """
     machine, path = file.model.machine, file.document.path
     if not machine.history:
@@ -309,16 +304,17 @@ def take_back(
         again = command("apply", machine=Path(path), to=written.target, options="--undo")
         problem = f"The last entry of {path} was written to {written.target}."
         raise UsageError(problem, f"Restore that, too: {again}")
-    if written and controller and controller.sha256 == written.sha256_before:
-        controller = None  # the program was killed before it wrote that file
-    elif written and controller:
-        data = controller.restored(written)
     for table in written.tables if written else ():
         if Path(table.path).is_file() and not holds(table.path, table.sha256):
             problem = f"{table.path} was changed since it was written."
             raise UsageError(problem, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
+    if written and controller and controller.sha256 == written.sha256_before:
+        controller = written = None  # the program was killed before it wrote that file
+    elif written and controller:
+        written, data = controller.restored(written)
     then = with_history(file, last.before, last.corrected_before, *history)
-    return Application(file, last, True, then, None, controller, data)
+    remarks = controller.remarks if controller else ()
+    return Application(file, last, then, True, None, controller, written, data, (), remarks)
 
 
 def _joined(values: tuple[float, ...]) -> str:

@@ -47,14 +47,14 @@ from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
-from orthoglide_cal.results.answer import InputFile, Spread
+from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.results.history import moment_of, precedes, wrong_order
-from orthoglide_cal.results.making import parameters_of, remainder, spread, widened
+from orthoglide_cal.results.making import parameters_of, remainder, widened
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
-# No controller takes finer offsets [mm]; firmwares print parameters to this many of their units.
-SMALLEST_MM, AS_FOUND = 1e-6, 1e-3
+FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
+AS_FOUND = 1e-3  # firmwares print parameters to this many of their units
 # Eigenvalues of the information matrix below this are zero; real ones are 1/4 and more.
 NO_INFORMATION = 1e-9
 # A promise is that of heights that are less than this share of those before.
@@ -173,7 +173,6 @@ class Verification(Schema):
     rms_after_mm: float
     # Of heights: what the parameters found afterwards would leave.
     rms_reachable_mm: float | None = None
-    as_left: Spread | None = None  # of the differences afterwards
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     parameters: dict[str, ComparedParameter]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
@@ -255,16 +254,16 @@ def verify(
         sizes = pushed if id == HOME_SWITCH.id else screws.setdefault(id, {})
         sizes[size.name] = round(sizes.get(size.name, 0.0) + size.value, 4)
     model, (entered, held) = before.model, _entered(before, after, applied_mm, bool(adjusted))
-    corrected = {**_more(model.machine.corrected, held), **screws}
-    applied = np.add(entered, [*pushed.values()])
-    applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
+    held = {**held, **screws}
+    corrected = _more(model.machine.corrected, held)
+    applied = np.add(entered, [*pushed.values()]).round(FINEST)
     if not applied.any() and not corrected:
         raise UsageError(
             "Nothing was applied, so there is no response to verify.",
             "Give the change that was entered in the controller: --applied DX DY DZ",
         )
     first, right = _solved(before, model)
-    second, _ = _solved(after, model.correcting({**held, **screws}))
+    second, _ = _solved(after, model.correcting(held))
     left, added = first.offsets_mm - applied, correcting(model.machine, corrected)
     shared = shared_contrasts(before.measured, after.measured, model, model.extended(added), left)
     later = pose(after.measured, model, table_kind(before.measured))
@@ -272,7 +271,6 @@ def verify(
     every = promise(before.measured, first, applied, right, added)
     promised = [row for row in every if row.name in shown]
     rows = _differences(promised, later, limit_mm)
-    as_left = spread({row.difference: row.after_mm for row in rows})
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
     both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
     response = _respond(shared, first.offsets_mm, applied)
@@ -287,8 +285,7 @@ def verify(
         apart_expanded_mm=both,
         rms_before_mm=rms(np.array([row.before_mm for row in rows])),
         rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
-        rms_after_mm=as_left.rms_mm,
-        as_left=as_left,
+        rms_after_mm=rms(np.array([row.after_mm for row in rows])),
         remains=None if adjusted else remainder(promised, model),
         applied_mm=_by_axis(applied),
         corrected=corrected,
@@ -495,18 +492,15 @@ def _entered(
             "{} was measured before the offsets of {} were entered.".format(*paths),
             "Measure again; or give what had been entered by then: --applied DX DY DZ",
         )
-    if (
-        known is None
-        and not adjusted
-        and (then == now or not (before.is_session and after.is_session))
-    ):
+    sessions = before.is_session and after.is_session
+    if not (known or adjusted or (sessions and then != now)):
         raise UsageError(
             "The files do not say what was entered in the controller between them.",
             "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
         )
     if known and then == now:
         then, now = known.active
-    return np.asarray((np.array(now) - np.array(then)).round(9)), corrected
+    return np.subtract(now, then).round(9), corrected
 
 
 def _more(before: Corrections, after: Corrections) -> Corrections:

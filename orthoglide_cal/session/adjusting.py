@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import product
 from pathlib import Path
 from typing import Literal
 
@@ -31,13 +32,7 @@ from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import State
 from orthoglide_cal.session.gauges import Token
 from orthoglide_cal.session.journal import Journal, decode
-from orthoglide_cal.session.opening import (
-    SIMULATED,
-    TYPED,
-    clock,
-    serial_gauge,
-    setting_in,
-)
+from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
 from orthoglide_cal.words import decimals_for, signed, with_uncertainty
 
 HELP = """\
@@ -210,7 +205,7 @@ class AdjustingDialogue(Dialogue):
 
     def _ask_for(self, step: SessionStep) -> None:
         """Show what is to be done, where it is new, and take a reading."""
-        asker, one, phase = self.asker, *self._at(step)
+        asker, one, phase = self.asker, self.adjusted[step.setup - 1], Phase(step.posture)
         self._introduce(step, phase, one)
         noun = self.setting.machine.vocabulary.noise  # the instrument that is read
         if phase in _ASKED:
@@ -226,11 +221,6 @@ class AdjustingDialogue(Dialogue):
         longest = max(len(above), len(f"{now} > {raw}"))
         self._stays = phase not in _ASKED and longest < asker.columns
         self._receive(answer, step)
-
-    def _at(self, step: SessionStep) -> tuple[Adjusted, Phase]:
-        """The adjustment that a step is of, and its phase."""
-        number, phase = divmod(step.number - 1, len(PHASES))
-        return self.adjusted[number], PHASES[phase]
 
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
         """Say, once, what has to be done before a reading; ask that nothing can fall."""
@@ -269,8 +259,8 @@ class AdjustingDialogue(Dialogue):
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """Record a reading; only one that the gauge cannot show is refused."""
-        taken, (one, phase) = self._taken(step, token), self._at(step)
-        most = self.setting.machine.instrument.most_mm
+        taken, one = self._taken(step, token), self.adjusted[step.setup - 1]
+        phase, most = Phase(step.posture), self.setting.machine.instrument.most_mm
         loose = one.readings_mm.get(Phase.LOOSE, taken.value_mm)
         if abs(taken.value_mm - loose) > most:
             far = f"That is more than {most:g} mm away from the first reading"
@@ -329,8 +319,7 @@ def open_adjustments(
         )
     asker.gauge = serial_gauge(source)  # a missing one leaves no file behind
     following = events.Following(data=read_document(str(session)), what=cause)
-    cells, at = _cells(adjustments), clock()
-    machine = machine_text(given.model)
+    cells, at, machine = _cells(adjustments), clock(), machine_text(given.model)
     opened = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     planned = events.Planned(at=at, readings=cells, following=following)
     journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
@@ -338,9 +327,10 @@ def open_adjustments(
         state = events.replay(journal.events)
         _check_same(state, following, adjustments, target)
         asker.gauge = asker.gauge or serial_gauge(state.source)
+        places = enumerate(product(range(1, len(adjustments) + 1), PHASES))
         steps = tuple(
-            SessionStep(number + 1, cell, "", 1, 0, setup := number // len(PHASES) + 1, 10 * setup)
-            for number, cell in enumerate(cells)
+            SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
+            for number, (setup, phase) in places
         )
         setting = setting_in(journal, state, steps)
         return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
@@ -355,10 +345,7 @@ def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
 
 
 def _check_same(
-    state: State,
-    following: events.Following,
-    adjustments: Sequence[Adjustment],
-    journal: Path,
+    state: State, following: events.Following, adjustments: Sequence[Adjustment], journal: Path
 ) -> None:
     """Raise InputError for a journal of other adjustments."""
     then = state.planned

@@ -379,23 +379,23 @@ def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
 
 def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> None:
     """Raises UsageError, naming every difference, if the session asked for is another one."""
-    differences = []
-    for name in ("protocol", "cycles", "order", "stands", "seed"):
-        before, now = getattr(opened, name), getattr(request, name)
-        if now is not None and now != before:
-            label = "gauges side by side" if name == "stands" else name
-            differences.append(f"{label}: {before} in the session, {now} asked for")
-    if request.source and (SIMULATED in request.source) != (SIMULATED in opened.source):
-        before, now = ", ".join(opened.source), ", ".join(request.source)
-        differences.append(f"gauge: {before} in the session, {now} asked for")
     # What the controller held was asked when the session began; the file may say otherwise.
     asked = _holding(request.model or model, request.offsets_mm or model.machine.active)
     one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
-    differences += [
-        f"machine, {name}: {one.get(name, 'none')} in the session,"
-        f" {other.get(name, 'none')} in the file"
-        for name in {**one, **other}
-        if one.get(name) != other.get(name)
+    pairs: list[tuple[str, object, object]] = [
+        ("protocol", opened.protocol, request.protocol),
+        ("cycles", opened.cycles, request.cycles),
+        ("order", opened.order, request.order),
+        ("gauges side by side", opened.stands, request.stands),
+        ("seed", opened.seed, request.seed),
+        *((f"machine, {k}", one.get(k, "none"), other.get(k, "none")) for k in one | other),
+    ]
+    if request.source and (SIMULATED in request.source) != (SIMULATED in opened.source):
+        pairs.append(("gauge", ", ".join(opened.source), ", ".join(request.source)))
+    differences = [
+        f"{name}: {before} in the session, {now} asked for"
+        for name, before, now in pairs
+        if now not in (None, before)
     ]
     if differences:
         fault = "This is not the session that was begun. " + "; ".join(differences) + "."

@@ -114,7 +114,7 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
         replace_file(target, before, data)
 
     with monkeypatch.context() as patch:
-        patch.setattr("orthoglide_cal.files.controller_file.replace_file", killed)
+        patch.setattr("orthoglide_cal.results.application.replace_file", killed)
         run("apply", "before.csv", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
     assert len(history()) == 1

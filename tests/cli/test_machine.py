@@ -81,7 +81,7 @@ def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
     data = SIX if kind == "machine" else "template"
     assert run("solve", data, *known).exit_code in (0, 4)
     # The one that is shipped is the one that would be made.
-    assert kind != "machine" or shown == new_machine({"name": "my machine"}, "-")
+    assert kind != "machine" or shown == new_machine({"name": "my machine"}, "-").document.text
 
 
 def test_the_start_page_follows_the_round(tmp_path: Path) -> None:

@@ -146,7 +146,7 @@ def test_the_page_of_a_printer_fits_a_terminal() -> None:
     assert max(map(len, shown.splitlines())) <= 80
     # Each layout is one line of a table.
     table = shown[shown.index("  layout ") : shown.index("  U of each parameter: a in mm")]
-    assert {len(line.split()) for line in table.replace("→ ", "").splitlines()[:-1]} == {10}
+    assert {len(line.split()) for line in table.replace("→ ", "").splitlines()} == {10}
 
 
 def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:

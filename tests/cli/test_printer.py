@@ -381,7 +381,7 @@ def test_a_report_judges_the_data_selected_and_shows_the_others() -> None:
     ("height", "count", "said"),
     [
         ("0.250000", 0, "a placeholder, not a measurement. Probe the bed, and save the mesh."),
-        ("99.000000", 1, "A height of the mesh is 99 mm off with the settings in force."),
+        ("99.000000", 1, "The height is 99 mm off with the settings in force."),
     ],
 )
 def test_other_data_that_are_refused_are_a_caution_on_every_screen(

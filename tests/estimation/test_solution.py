@@ -18,8 +18,8 @@ from orthoglide_cal.estimation import OffsetEstimate, fit_offsets, fit_parameter
 from orthoglide_cal.estimation.accuracy import Scatter, unit_covariance
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
-from orthoglide_cal.estimation.least_squares import OPTIMAL
 from orthoglide_cal.estimation.losses import is_likely, surprising
+from orthoglide_cal.estimation.methods import OPTIMAL
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.controller_file import ControllerFile, controller_file
+from orthoglide_cal.files.machine_file import default_machine
 
 INI = """\
 [TRAJ]
@@ -23,7 +23,7 @@ HOME_OFFSET = 0
 [JOINT_2]
 HOME_OFFSET = 0
 """
-WIDTH, EXCESS, ZERO = 0.05, 0.3e-3, 0.17  # lost motion, scale, joint value where travel counts from
+WIDTH, EXCESS = 0.05, 0.3e-3  # lost motion, scale
 HOME, SWITCH = 95.0, 95.4  # where the controller believes the switch to be, and where it is [mm]
 STANDS = {
     "nothing": ("", ""),
@@ -70,26 +70,17 @@ def corrected(path: Path, unit: float) -> ControllerFile:
     before, joint = controller_file(str(path)), Joint(path, unit)
     at = np.array([-40.0, 0.0, 40.0])
     (up, down) = ([joint.truly(p, way) - p for p in at] for way in (1.0, -1.0))
-    # What a measurement finds: mean offset where travel counts from, slope, width.
-    middle = (np.array(up) + down) / 2.0
-    slope, offset = np.polyfit(at - ZERO, middle, 1)
-    theta = {
-        "encoder_scale": np.full(3, slope),
-        "backlash": np.full(6, np.mean(np.subtract(down, up))),
-    }
-
-    def added(positions: np.ndarray) -> np.ndarray:
-        parts = [
-            CAUSES[id].correction(values, positions, ZERO)[..., 0] for id, values in theta.items()
-        ]
-        return np.asarray(sum(parts))
-
-    written, data = before.changed({"x": float(offset)}, 6, {"x": added})
+    # What a measurement finds: mean offset at the isotropic posture, where the joint says 0, slope,
+    # width.
+    slope, offset = np.polyfit(at, (np.array(up) + down) / 2.0, 1)
+    width = float(np.mean(np.subtract(down, up)))
+    made = {"encoder_scale": {"x": 1e3 * float(slope)}, "backlash": {"x": width}}
+    written, data = before.changed(default_machine(), {"x": float(offset)}, made, 6)
     for table in written.tables:
         Path(table.path).write_text(table.text)
     path.write_bytes(data)
     now = controller_file(str(path))
-    assert now.restored(written) == before.data
+    assert now.restored(written)[1] == before.data
     return now
 
 

@@ -2,13 +2,19 @@
 
 import contextlib
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.files.controller_file import ControllerFile, controller_file, replace_file
+from orthoglide_cal.files.klipper import read_printer_file
 from orthoglide_cal.files.linuxcnc import is_live
+from orthoglide_cal.files.machine_file import default_machine
+from orthoglide_cal.files.text import document_from_bytes
+from orthoglide_cal.model.machine import Corrections, Written
+from orthoglide_cal.model.model import Model
 from tests.fuzz.run import mutant
 
 from .helpers import saved
@@ -23,7 +29,9 @@ COMPENSATED = (
     "-50 0.01 -0.01\n60 0.02 0\n",
 )
 CHANGES = {"x": 0.421, "y": -0.296, "z": 0.861}
-VALUES = {"radius": 140.2, "a": 300.5, "b": 300.2, "c": 299.9}
+# Of the printer of CFG.
+MORE = {"a": 0.4, "b": 0.0, "c": -0.4, "radius": 0.1, "angle_a": 0.0, "angle_b": 0.0}
+LOST = {"backlash": {"x": 0.05}}
 
 
 def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
@@ -34,9 +42,19 @@ def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
     assert texts == ["0.500", "-12.25", "0"]
 
 
+def changed(
+    file: ControllerFile, made: Corrections = MappingProxyType({}), **changes: float
+) -> tuple[Written, bytes]:
+    """What is written of these changes, and the bytes then."""
+    if file.format == "linuxcnc":
+        return file.changed(default_machine(), changes or CHANGES, made, 3)
+    printer = read_printer_file(document_from_bytes(CFG.encode(), "printer.cfg")).machine
+    return file.changed(Model(printer), MORE, made, 4)
+
+
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.361"):
-        of(tmp_path, INI.replace("-12.25", "999999")).changed({"y": 1.361}, 3)
+        changed(of(tmp_path, INI.replace("-12.25", "999999")), y=1.361)
 
 
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
@@ -51,7 +69,7 @@ def test_three_values_change_and_come_back(
     path.chmod(0o640)
     link.symlink_to(path)
     before = controller_file(str(link))
-    written, new = before.changed(CHANGES, 3)
+    written, new = changed(before)
     replace_file(before.target, before.sha256, new)
     assert link.is_symlink()
     assert path.stat().st_mode & 0o777 == 0o640
@@ -63,7 +81,7 @@ def test_three_values_change_and_come_back(
         assert float(each.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
     assert b"# the switch; 0.500 behind it" in path.read_bytes()
     after = controller_file(str(path))
-    replace_file(after.target, after.sha256, after.restored(written))
+    replace_file(after.target, after.sha256, after.restored(written)[1])
     assert path.read_bytes() == data
 
 
@@ -116,14 +134,14 @@ def test_what_an_included_file_may_say_is_not_written_over(
 
 def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
     before = of(tmp_path, CFG)
-    written, data = before.changed(VALUES, 4)
+    written, data = changed(before)
     assert [(each.line, each.before, each.after) for each in written.values] == [
         (10, "140.100000", "140.200000"),
         (15, "300.100000", "300.500000"),
         (23, "300.300000", "299.900000"),
     ]
     replace_file(before.target, before.sha256, data)
-    assert controller_file(before.target).restored(written) == CFG.encode()
+    assert controller_file(before.target).restored(written)[1] == CFG.encode()
 
 
 @pytest.mark.parametrize(
@@ -134,7 +152,7 @@ def test_what_was_changed_since_is_not_restored(
     tmp_path: Path, old: str, new: str, said: str
 ) -> None:
     before = of(tmp_path, INI)
-    written, data = before.changed(CHANGES, 3)
+    written, data = changed(before)
     Path(before.target).write_bytes(data.replace(old.encode(), new.encode()))
     with pytest.raises(UsageError, match=said):
         controller_file(before.target).restored(written)
@@ -189,13 +207,12 @@ def test_mutants_change_and_come_back_or_are_refused(tmp_path: Path, count: int)
         data[kind == 3] = mutant(texts[kind == 3], rng).encode("utf-8", "surrogatepass")
         path.write_bytes(data[0])
         table.write_bytes(data[1])
-        added = {"x": lambda at: np.ones((2, len(at)))} if kind > 1 else {}
         with contextlib.suppress(OrthocalError):
             before = controller_file(str(path))
-            written, new = before.changed(CHANGES if before.adds else VALUES, 3, added)
+            written, new = changed(before, LOST if kind > 1 else {})
             replace_file(before.target, before.sha256, new)
             after = controller_file(str(path))
-            assert after.restored(written) == data[0]
+            assert after.restored(written)[1] == data[0]
             assert table.read_bytes() == data[1]
             done[kind] += 1
     assert min(done) > 0.15 * count / 4

@@ -209,6 +209,6 @@ def test_what_no_firmware_can_be_told_is_said(tmp_path, format):
     text = exported(tmp_path, truth, format, leaning)
     assert "Not in these lines: tower_lean; it has no setting for that: correct the fault." in text
     assert "no setting for towers that lean" in text
-    comment = controller.FIRMWARES[format][2]
+    comment = controller.FIRMWARES[format]["comment"]
     code = [line for line in text.splitlines() if not line.startswith((f"{comment} ", comment))]
     assert all(line.startswith("M") for line in code)

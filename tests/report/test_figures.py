@@ -3,7 +3,6 @@
 import doctest
 import re
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,14 +129,12 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     x, y = np.meshgrid(axis, axis)
     error = np.hypot(x, y)[None] / 100.0  # up to 0.99 mm
 
-    def errors(before: np.ndarray, after: np.ndarray, worst: float) -> SimpleNamespace:
-        corner = (70.0, -70.0, worst)
-        return SimpleNamespace(cube_mm=(-70.0, 70.0), maps=(before, after), worst_before_mm=corner,
-                               worst_after_mm=corner, before_mm=before.max(),
-                               after_mm=after.max())  # fmt: skip
+    def view(when: str, error: np.ndarray, worst: float = -70.0) -> tuple:
+        return when, error, error.max(), (70.0, -70.0, worst)
 
-    found = errors(error, error / 10.0, -70.0)
-    before, after, legend = figures.workspace_maps(found)
+    ends, found = (-70.0, 70.0), view("as found", error)
+    views = [found, view("expected", error / 10.0)]
+    before, after, legend = figures.workspace_maps(views, ends)
     assert ">0<" in legend
     assert marks(before) == [(210.0, 190.0)]  # the lower right corner
     limits = figures.class_limits(float(error.max()))
@@ -153,8 +150,8 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     assert "as found, z = −70 mm" in before
     assert "expected, z = −70 mm" in after
     # What was measured afterwards takes the place of what was expected; the limit is a circle.
-    later = errors(error / 2.0, error, 3.0)
-    _, measured, _ = figures.workspace_maps(found, later, 0.35)
+    later = view("as left", error / 2.0, 3.0)
+    _, measured, _ = figures.workspace_maps([found, later], ends, 0.35)
     assert "as left, z = −70 mm" in measured
     assert "≤ 0.49" in measured
     assert marks(measured) == []  # its worst point lies in no slice

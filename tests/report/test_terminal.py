@@ -85,7 +85,6 @@ def test_nothing_but_commands_and_listings_is_wider_than_80_columns(kind):
     "block",
     [
         ("Run next: ", doc.typed(LONG)),
-        doc.Facts((("a rather long name of a fact", doc.typed(LONG)),)),
         doc.Instructions((doc.Instruction("Do this " * 20, LONG),)),
         doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.typed(LONG)),)),
         doc.Listing((f"    → {LONG}",)),

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
@@ -282,6 +283,19 @@ def test_what_was_entered_is_what_two_sessions_record():
     both = verify(first, third, adjusted=[("home_switch", pushed)])
     assert [*both.applied_mm.values()] == pytest.approx(np.add(entered, (0.1, 0.0, 0.0)))
     assert both.kept
+
+
+def test_what_is_corrected_of_differences_does_not_depend_on_their_order():
+    corrected = NOMINAL.extended([CAUSES["encoder_scale"].at(np.array([2e-3, -1e-3, 5e-4]))])
+    values = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    first, second = of_values(DataKind.SIX, values), of_values(DataKind.SIX, -values)
+    turned = replace(second, which=second.which[::-1], value=second.value[::-1])
+    effects = [
+        shared_contrasts(first, later, NOMINAL, corrected, np.zeros(3)).effect
+        for later in (second, turned)
+    ]
+    assert np.abs(effects[0]).max() > 0.004
+    assert effects[1].tolist() == effects[0].tolist()
 
 
 def test_two_machines_are_not_compared():

@@ -1,6 +1,5 @@
 """The document of `orthocal adjust`: what was adjusted, whether the check agrees, what is next."""
 
-from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -16,18 +15,6 @@ def adjustment_document(
     answer: AdjustmentAnswer, given: Input, machine_file: Path | None
 ) -> doc.Document:
     """The document; `given` is what was adjusted, by the machine file as the user gave it."""
-    again = measure_again(given.conditions, machine_file)
-    compare = command("verify", answer.input.path, "AFTER", machine=machine_file)
-    steps = (
-        doc.Instruction("Measure again in the same way.", again)
-        if given.model.machine.vocabulary.measure
-        else doc.Instruction("Calibrate anew, which the push needs, and probe in the same way."),
-        doc.Instruction("Compare the two.", compare),
-    )
-    return doc.Document(partial(answer.model_dump, mode="json"), partial(_page, answer, steps))
-
-
-def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Page:
     head = ("parameter", "", "target", "reached", "check: expected", "measured")
     rows = []
     for one in answer.adjustments:
@@ -44,6 +31,12 @@ def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Pag
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
+    first = doc.Instruction("Calibrate anew, which the push needs, and probe in the same way.")
+    if given.model.machine.vocabulary.measure:
+        again = measure_again(given.conditions, machine_file)
+        first = doc.Instruction("Measure again in the same way.", again)
+    compare = command("verify", answer.input.path, "AFTER", machine=machine_file)
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
-    sections = [section, doc.next_steps(steps)]
-    return doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)
+    sections = [section, doc.next_steps((first, doc.Instruction("Compare the two.", compare)))]
+    page = doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)
+    return doc.Document(partial(answer.model_dump, mode="json"), lambda: page)

@@ -6,7 +6,7 @@ that is refused it says what is wrong, and nothing to sign for an adjustment. Be
 that rests on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 from orthoglide_cal.causes import CAUSES
@@ -90,20 +90,20 @@ def calibration_document(
         causes, rivals = [*_causes(case)], [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
-        steps, parameters = doc.next_steps(to_do(case)), _parameters(case, limit_mm)
-        pages: list[doc.Section] = []
+        parameters, pages = _parameters(case, limit_mm), list[doc.Section]()
         if left is not None:
             notice = verification.verification_notice(left)
             advice = verification.verification_steps(left, case.machine_file)
             drawn = verification.left_figure(left) if left.differences else None
-            steps = doc.next_steps(advice, *verification.rule_blocks(left), drawn)
+            steps = doc.next_steps(advice, verification.decision_rule(left), drawn)
             sheet = [verification.parameters_left(left), steps]
         elif released:
             notice = _notice(case)
             moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
-            sheet = [parameters, *causes, steps, doc.Section(None, *moved)]
+            sheet = [parameters, *causes, doc.next_steps(to_do(case), *moved)]
         else:
-            notice, sheet, pages = _notice(case), [*causes, steps], [*rivals, parameters]
+            notice, sheet = _notice(case), [*causes, doc.next_steps(to_do(case))]
+            pages += [*rivals, parameters]
         sheet += [*frame.sheet, *map(_other, case.others)]
         both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
         for one, when in both:
@@ -203,29 +203,30 @@ def _workspace(
 ) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
     before, after = case.answer.workspace, left.workspace if left else None
-    if before is None:
+    if before is None or before.maps is None:
         return
-
-    def up_to(size_mm: float, tool_mm: Sequence[float]) -> str:
-        return f"{two_figures(size_mm)} mm, at {position_words(tool_mm, 0)}"
-
-    lead = f"As found: up to {up_to(before.before_mm, before.worst_before_mm)}."
-    if after is None:
-        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}"
-        if causes := " and ".join(cause.id for cause in case.known):
-            lead += f"; {two_figures(before.left_mm)} mm of that comes from {causes},"
-            lead += " which offsets do not remove."
-        else:
-            lead += ", from uncertainty alone."
-        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
-            lead += f" Not included: the effect of {timed}, which depends on time or path."
+    views = [("as found", before.maps[0], before.before_mm, before.worst_before_mm)]
+    if after and after.maps:
+        views.append(("as left", after.maps[0], after.before_mm, after.worst_before_mm))
     else:
-        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
+        views.append(("expected", before.maps[1], before.after_mm, before.worst_after_mm))
+    lead = [
+        f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
+        for when, _, mm, worst in views
+    ]
+    if after is None:
+        source = "All of that comes from uncertainty."
+        if causes := " and ".join(cause.id for cause in case.known):
+            source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
+            source += " which offsets do not remove."
+        lead.append(source)
+        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
+            lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
     low, high = (plain(edge, 0) for edge in before.cube_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
-    maps = doc.Figure(figures.workspace_maps(before, after, limit_mm), key=key)
-    yield doc.Section("Tool-position error over the workspace", lead, maps)
+    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm, limit_mm)], key=key)
+    yield doc.Section("Tool-position error over the workspace", " ".join(lead), maps)
 
 
 # --- conditions and origin --------------------------------------------------------------------

@@ -67,12 +67,11 @@ def differences_figure(
     names, first, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
     sizes = {"found": first, "expected": expected, **({"as left": after} if measured else {})}
-    (*_, (head, last)) = sizes.items()
-    columns: dict[str, Sequence[doc.Blank]] = {"": names}
+    *_, (head, last) = sizes.items()
+    columns: dict[str, Sequence[str]] = {"": names}
     columns |= {when: [signed(mm, 3) for mm in values] for when, values in sizes.items()}
     columns["± U"] = [plain(mm, 3) for mm in expanded]
-    if outcomes:
-        columns["limit"] = outcomes
+    columns |= {"limit": outcomes} if outcomes else {}
     limits = [] if limit_mm is None else [-limit_mm, limit_mm]
     # Columns of numbers, by their right edges.
     edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
@@ -93,16 +92,16 @@ def differences_figure(
     for x, when in zip(edges, sizes, strict=True):
         parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
     listed = []
-    for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
+    for k, (name, *cells) in enumerate(zip(*columns.values(), strict=True)):
         y = _TOP + high * (k + 0.5)
         start, stop, *marks = (across(values[k]) for values in sizes.values())
-        ends = across(value - half), across(value + half)
-        numbers = [signed(values[k], 3) for values in sizes.values()]
-        numbers[-1] += f" ± {plain(half, 3)}"
-        listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
+        ends = across(last[k] - expanded[k]), across(last[k] + expanded[k])
+        numbers, (u, *outcome) = cells[: len(sizes)], cells[len(sizes) :]
+        numbers[-1] += f" ± {u}"
+        listed.append(f"{name} {', '.join([*numbers, *outcome])}")
         parts += [
             words(2, y + (-2 if outcomes else 4), name, class_="strong"),
-            *(words(2, y + 10, outcome) for outcome in outcomes[k : k + 1]),
+            *(words(2, y + 10, text) for text in outcome),
             *(words(x, y + 4, text, "end") for x, text in zip(edges, numbers, strict=True)),
             tag(
                 "g",
@@ -145,8 +144,8 @@ def brief_residuals(case: Case) -> list[doc.Block]:
 def residual_blocks(case: Case) -> Iterator[doc.Block]:
     """Measured − modelled without and with the causes, in figures and characters."""
     left = _left(case)
-    accepted = (pattern for pattern in case.answer.patterns if pattern.accepted)
-    yield from (_pattern_figure(case, pattern, n) for n, pattern in enumerate(accepted))
+    for number, pattern in enumerate(case.answer.beyond):
+        yield _pattern_figure(case, pattern, number)
     if _on_bed(case):
         measured = np.array([row.measured_mm for row in case.answer.residuals])
         maps, signs = [], list[str]()
@@ -301,7 +300,7 @@ def _on_bed(case: Case) -> bool:
 def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]: the parameters alone, and all that is found."""
     answer, rows = case.answer, case.answer.residuals
-    known = (f"the {pattern_name(pattern)}" for pattern in answer.patterns if pattern.accepted)
+    known = (f"the {pattern_name(pattern)}" for pattern in answer.beyond)
     causes = " and ".join((*(cause.id for cause in answer.causes), *known))
     measured, alone = _column(rows, "measured_mm"), _column(rows, "modelled_mm")
     left = {f"{case.words.many} only": measured - alone}

@@ -80,9 +80,9 @@ def plan_document(
             notice = _next_notice(plan, going_on)
             sections = [doc.Section("Or", _next_grid(plan, brief=True))]
         else:
-            notice, grid = _notice(plan), _sessions_grid(plan, brief=True)
-            sections = [doc.Section(None, grid, *_limits(plan))]
-            sections.append(doc.Section(None, *_left_open(plan)))
+            notice, (first, *others) = _notice(plan), _limits(plan)
+            sections = [doc.Section(None, _sessions_grid(plan, brief=True), first)]
+            sections.append(doc.Section(None, *others))
         to_do = _to_do(plan, machine_file, begun)
         sections.append(doc.next_steps(to_do, "More: the same with --details"))
         return doc.Page("Plan", simulated=plan.simulated, notice=notice, sections=sections)
@@ -104,11 +104,10 @@ def plan_document(
             facts, notice = doc.Facts([("Readings", data)]), _next_notice(plan, going_on)
         title = "Ways to measure, compared" if plan.gauges is None else "How many cycles"
         sections.append(doc.Section(title, _sessions_grid(plan)))
-        sections.append(doc.Section(None, *_limits(plan), *_left_open(plan)))
-        sections += [_ways(plan)] if plan.compare else []
-        if plan.design:
+        sections.append(doc.Section(None, *_limits(plan)))
+        if plan.compare and plan.design:
             typed = _command(plan.design, plan, machine_file, begun)
-            sections.append(_design(plan, plan.design, typed))
+            sections += [_ways(plan), _design(plan.design, typed)]
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
@@ -229,7 +228,7 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
-    """The part of U that more readings do not reduce; are rivals distinguished?"""
+    """What more readings do not reduce, what these do not show, and a shorter way."""
     floor, sigma = plan.floor, plan.chosen.rivals_sigma
     stays = 0.0 if floor is None else float(np.max(floor.std_mm / plan.chosen.budget.std_mm))
     more = "readings" if plan.gauges is None else "cycles"
@@ -242,10 +241,6 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
         rivals = " and ".join(plan.model.machine.rivals)
         yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
-
-
-def _left_open(plan: MeasurementPlan) -> Iterator[str]:
-    """Causes that cannot be seen or distinguished, and a shorter way."""
     if plan.invisible:
         yield f"Cannot be seen: {listed(plan.invisible)}."
     pairs = plan.apart.visible.pairs.items()
@@ -258,7 +253,9 @@ def _left_open(plan: MeasurementPlan) -> Iterator[str]:
         return
     size = f"{best.readings} readings, {best.minutes:.0f} min"
     if best.causes:
-        yield f"To distinguish {' and '.join(best.causes)}: {size} (--layout {best.name})."
+        surely = "" if best.reached else ", if not surely"
+        pair = " and ".join(best.causes)
+        yield f"To distinguish {pair}{surely}: {best.what}; {size} (--layout {best.name})."
     elif best.minutes < plan.chosen.minutes:
         yield f"Shorter: {size} (--design best); some faults show less."
 
@@ -309,19 +306,13 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
         pair = " and ".join(machine.rivals)
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
-    # What no layout determines, and what it adds to U.
+    if brief and not cycles:
+        meaning = []
+    # What no layout determines would hide what they do.
     fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
     if fixed:
-        added = (two_figures(row["fixed"]) for row in plan.chosen.parameters.values())
-        last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
-        for column, cell in zip(columns.values(), last, strict=True):
-            column.append(cell)
-        meaning.append(
-            f"No layout determines {last[0]}: it is taken as stated, and the last row is its share"
-            " of U (squares add up). solve also adds causes that the readings cannot rule out."
-        )
-    caption = "" if brief and not cycles else " ".join(meaning)
-    return doc.Grid.of(columns, () if cycles else (0,), caption)
+        meaning.append(f"No layout determines {' and '.join(fixed)}: U is here without it.")
+    return doc.Grid.of(columns, () if cycles else (0,), " ".join(meaning))
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
@@ -335,32 +326,22 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
         rows.append((way.protocol, way.method, *numbers))
     head = ("protocol", "method", "cycles", "readings", "moves", "min")
     caption = (
-        f"What ± {two_figures(plan.chosen.worst_mm)} mm takes. Moves: how often a stand is moved. A"
+        f"Effort for ± {two_figures(plan.chosen.worst_mm)} mm. Moves: how often a stand is moved. A"
         " single gauge stays at one end of the leg as long as it can (--order fewest-moves)."
     )
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
 
 
-def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
-    """The fewest readings, or the quickest layout that distinguishes the rivals; what to type."""
-    minutes = f"about {best.minutes:.0f} min"
-    if best.causes:
-        pair, apart = " and ".join(best.causes), f"{CERTAIN_SIGMA:g} standard deviations"
-        reached = f"The quickest layout that separates {pair} by {apart}"
-        if not best.reached:
-            farthest = two_figures(best.rivals_sigma or 0.0)
-            reached = f"No layout separates {pair} by {apart}; this one comes closest, {farthest}"
-        blocks: list[doc.Block] = [f"{reached}: {best.what}, {minutes}."]
-        if best.name != plan.chosen.name:
-            blocks.append(doc.Instructions([doc.Instruction("Write its places to a file", typed)]))
-        return doc.Section(f"To distinguish {pair}", *blocks)
+def _design(best: BestDesign, typed: str) -> doc.Section:
+    """The fewest readings, and what to type for them."""
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     text: tuple[doc.Line, ...] = (
         f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
         " the leg from the carriage.",
         (
-            f"{best.readings} readings in {minutes} give ± {two_figures(best.worst_mm)} mm: ",
+            f"{best.readings} readings in about {best.minutes:.0f} min give"
+            f" ± {two_figures(best.worst_mm)} mm: ",
             doc.typed(typed),
         ),
         f"What is given up: {GIVES_UP}.",

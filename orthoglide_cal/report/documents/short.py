@@ -1,6 +1,6 @@
 """Short documents: `machine`, `validate`, `apply`, and `paper`, this program's own check."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.model.measured import NOZZLE, Source
+from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
@@ -19,7 +19,7 @@ from orthoglide_cal.report.case import (
     stated,
 )
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Application
+from orthoglide_cal.results import Application, Correction
 from orthoglide_cal.words import counted, plain, short, signed, two_figures
 
 if TYPE_CHECKING:
@@ -124,11 +124,11 @@ def application_document(
     told without a restart.
     """
     entry, machine, given = application.entry, application.file.model.machine, application.given
+    undone, written, controller = application.undone, application.written, application.controller
     simulated = given is not None and given.measured.source.simulated
-    nozzle = [r for r in given.measured.remarks if r.code in NOZZLE] if given else []
     # In the controller until then and from then on; none of a printer.
-    before, after = dict(entry.before or {}), dict(entry.after or {})
-    before, after = (after, before) if application.undone else (before, after)
+    before, after = (dict(active or {}) for active in (entry.before, entry.after))
+    before, after = (after, before) if undone else (before, after)
 
     def data() -> dict[str, object]:
         return {
@@ -136,13 +136,13 @@ def application_document(
             "simulated": simulated,
             "machine_file": application.file.document.path,
             "machine": machine.name,
-            "undone": application.undone,
+            "undone": undone,
             "date": entry.date if application.changes else None,
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
             "corrections": [correction.model_dump() for correction in application.corrections],
-            "written": entry.written.model_dump() if entry.written else None,
+            "written": written.model_dump() if written else None,
         }
 
     def page() -> doc.Page:
@@ -153,45 +153,41 @@ def application_document(
         ]
         caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
         first = "The controller must hold the last column and have been homed with it."
-        if application.controller is not None and entry.written is not None:
-            head, rows = ("line", "what", "now", "from now on"), []
-            for value in entry.written.values:
-                now, then = value.before, value.after
-                now, then = (then, now) if application.undone else (now, then)
-                now, then = now or "(no line)", then or "(no line)"
-                rows.append((str(value.line), value.key, now, doc.strong(then)))
-            notes = (
-                f"Lines of {entry.written.target}; all others stay.",
-                *map(sentence, (*application.controller.remarks, *nozzle)),
-            )
-            caption, first = " ".join(notes), machine.vocabulary.restart
-            if entry.written.tables and not application.undone:
-                names = ", ".join(Path(table.path).name for table in entry.written.tables)
-                held = any(value.key.endswith("BACKLASH") for value in entry.written.values)
+        if controller is not None and written is not None:
+            head, none = ("line", "what", "now", "from now on"), "(no line)"
+            rows = [
+                (str(line.line), line.key, line.before or none, doc.strong(line.after or none))
+                for line in written.values
+            ]
+            notes = map(sentence, application.remarks)
+            caption = " ".join((f"Lines of {written.target}; all others stay.", *notes))
+            if written.tables and not undone:
+                names = ", ".join(Path(table.path).name for table in written.tables)
+                held = any(line.key.endswith("BACKLASH") for line in written.values)
                 caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
-            if application.controller.adds and not live:
-                first = f"Restart LinuxCNC: it reads its INI only then. {first}"
-        again = doc.Instruction("Probe it again in the same way.")
-        if machine.vocabulary.measure:
-            typed = measure_again(given.conditions if given else None, machine_file)
-            again = doc.Instruction("Measure again in the same way.", typed)
-        compare, path = "Compare with the prediction.", session
-        if application.controller and application.controller.sha256 == entry.data_sha256:
-            compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
-        compared = doc.Instruction(compare, command("verify", path, "AFTER", machine=machine_file))
-        title, steps = "To be recorded", [doc.Instruction(first), again, compared]
-        if application.undone:
-            title, steps = "To be taken back", steps[:1]
+            restarts = controller.format == "linuxcnc" and not live
+            first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
         sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
         if application.corrections:
-            sections.append(doc.Section(None, _corrections(application)))
+            sections.append(doc.Section(None, _corrections(application.corrections)))
+        title, steps = "To be taken back", [doc.Instruction(first)]
+        if not undone:
+            title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
+            if words.measure:
+                typed = measure_again(given.conditions if given else None, machine_file)
+                again = doc.Instruction("Measure again in the same way.", typed)
+            compare, path = "Compare with the prediction.", session
+            if controller and controller.sha256 == entry.data_sha256:
+                compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
+            typed = command("verify", path, "AFTER", machine=machine_file)
+            steps += [again, doc.Instruction(compare, typed)]
         sections.append(doc.Section(None, doc.Instructions(steps)))
         return doc.Page(title, machine.name, sections=sections, simulated=simulated)
 
     return doc.Document(data, page)
 
 
-def _corrections(application: Application) -> doc.Grid:
+def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
     """What the controller corrects of each cause, and what it does not."""
     why = {
         "": "corrected",
@@ -200,13 +196,12 @@ def _corrections(application: Application) -> doc.Grid:
         "below_u": "not corrected: within U",
     }
     rows = []
-    for one in application.corrections:
+    for one in corrections:
         size = f"{signed(one.value, 3)} ± {two_figures(one.expanded)} {one.unit}"
-        row = (f"{one.id} {one.name}", size)
-        if one.left == "no_place":
-            row = (one.id, "")  # its sizes are of no use here
         gain = "" if one.gain_mm is None or one.left else plain(one.gain_mm, 3)
-        rows.append((*row, gain, why[one.left]))
+        # Without a place its sizes are of no use here.
+        cause = (one.id, "") if one.left == "no_place" else (f"{one.id} {one.name}", size)
+        rows.append((*cause, gain, why[one.left]))
     caption = "Size: what is known to be wrong. Gain: carriage error that the controller removes."
     head = ("cause", "size", "gain, mm", "from now on")
     return doc.Grid(head, list(dict.fromkeys(rows)), caption=caption, words=(0, 3))

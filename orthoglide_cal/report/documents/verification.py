@@ -3,7 +3,7 @@
 The calibration report shows the same notice, advice and tables once the adjustment was measured.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -79,19 +79,11 @@ def _screen(result: Verification) -> doc.Page:
 
 
 def _page(result: Verification, identity: Identity) -> doc.Page:
-    applied = [("Applied", f"{_triple(result.applied_mm, result)} mm (x, y, z)")]
-    page = signed_page(
-        "Verification report",
-        result.inputs[1][1].machine,
-        identity,
-        [(side, side.validity) for side in (result.before, result.after)],
-        *(applied if result.applied_mm else []),
-    )
+    recorded = [(side, side.validity) for side in (result.before, result.after)]
+    page = signed_page("Verification report", result.inputs[1][1].machine, identity, recorded)
     if result.differences:
-        compared = "independent changes"
-        measured = doc.Section("Predicted and measured", *rule_blocks(result), left_figure(result))
+        measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     else:
-        compared = "touches afterwards"
         sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
         heights = (_size(result, size) for size in (*sizes, result.rms_reachable_mm or 0.0))
         grid = doc.Grid(
@@ -101,8 +93,6 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
             " found afterwards.",
         )
         measured = doc.Section("Heights", grid)
-    machine = ("Machine", doc.given(result.machine))
-    origin = *compared_inputs(result), machine, ("Compared", f"{result.compared} {compared}")
     return replace(
         page,
         title=result.machine,
@@ -110,7 +100,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         sheet=(parameters_left(result), measured, *page.sheet),
         sections=(
             *([_response(result, result.response)] if result.response else []),
-            doc.Section("Traceability", doc.Facts(origin)),
+            doc.Section("Traceability", doc.Facts([*compared_inputs(result)])),
         ),
         signatures=("Measured by", "Checked by"),
     )
@@ -223,6 +213,7 @@ def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> s
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
     known = any(row.entered for row in result.parameters.values())
+    acted_as = [signed(by, _decimals(result)) for by in (result.acted_as_mm or {}).values()]
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
         for axis, row in result.axes.items()
@@ -231,7 +222,7 @@ def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> s
     return RESPONSES[answer]["answer"].format(
         size=f"moved by {_interval(response)} times what was {'entered' if known else 'corrected'}",
         differ="" if result.kept else differ,
-        acted_as=_triple(result.acted_as_mm or {}, result),
+        acted_as=" ".join(acted_as),
         moves="; ".join(moves),
     )
 
@@ -258,10 +249,6 @@ def _decimals(result: Verification) -> int:
     """Decimals of joint offsets: those of what was applied, and of what is known of the rest."""
     left = (row.left_expanded for row in result.parameters.values())
     return entered_decimals(left, result.applied_mm.values())
-
-
-def _triple(values: Mapping[str, float], result: Verification) -> str:
-    return " ".join(signed(value, _decimals(result)) for value in values.values())
 
 
 def _decision(made: Conformity) -> str:
@@ -306,10 +293,10 @@ def _known(value: float | None, expanded: float) -> str | None:
     return None if value is None else with_uncertainty(value, expanded)
 
 
-def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
-    """By which rule a limit is judged; nothing where none was given."""
-    rule = result.decision
-    return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
+def decision_rule(result: Verification) -> doc.Marked | None:
+    """By which rule a limit is judged; None where none was given."""
+    made = result.decision
+    return doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
 
 
 def left_figure(result: Verification) -> doc.Figure:
