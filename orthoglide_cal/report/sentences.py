@@ -143,9 +143,6 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "in_force": lambda names: f" (other {', '.join(names)} in force)" * bool(names),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "tenth_µm": lambda length_mm: f"{1e3 * length_mm:.1f} µm",
-    "stale": lambda order: _TEXTS["stale"]["by_date" if "date" in order else "by_line"].format(
-        **order
-    ),
     "cycles": lambda count: {1: "one cycle", 5: "five cycles"}.get(count, f"{count} cycles"),
     "sessions": lambda count: counted(count, "simulated session"),
     "half_way": lambda other: ", with the gauges half-way" * other,
