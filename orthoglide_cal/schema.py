@@ -142,12 +142,9 @@ def yaml_number(value: object) -> float:
 
 def whole_number(least: int) -> BeforeValidator:
     """A whole number from `least`, or the text of one."""
-
-    def read(value: object) -> int:
-        text = value if isinstance(value, str) else ""
-        return value if isinstance(value, int) else parse_count(text, least)
-
-    return BeforeValidator(read)
+    return BeforeValidator(
+        lambda value: value if isinstance(value, int) else parse_count(str(value), least)
+    )
 
 
 def _version(value: object) -> object:

@@ -51,10 +51,15 @@ def plan(
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning import rank_measurements
-    from orthoglide_cal.planning.design import require_on_bar
     from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
-    from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence, sequence_options
+    from orthoglide_cal.planning.steps import (
+        MeasuringProtocol,
+        Order,
+        require_on_bar,
+        sequence,
+        sequence_options,
+    )
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.plan import plan_document
     from orthoglide_cal.results import answer_to

@@ -42,7 +42,9 @@ from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     PrinterFile,
+    Texts,
     delta_of,
+    heights_in,
     stored_grid,
     stored_mesh,
     within,
@@ -191,28 +193,14 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     except KeyError as error:
         what = f"The second line of the map has no {error}, or the third no number for it."
         raise InputError(what, _AGAIN, file=document.path, line=2) from error
-    heights = np.full((len(y), len(x)), np.nan)
-    rows = lines[3:]
-    if len(rows) != len(y):
-        what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
-        remedy = f"Was it cut off? {_AGAIN}"
-        raise InputError(what, remedy, file=document.path, line=3 + len(rows))
-    for row, text in enumerate(rows):
-        cells = [cell.strip() for cell in text.split(",")]
-        if len(cells) != len(x):
-            what = f"The line has {len(cells)} heights, the header says {len(x)}."
-            faults.add(what, _AGAIN, line=4 + row)
-            continue
-        for column, cell in enumerate(cells):
-            with faults.noting(4 + row, value=cell):
-                if cell != _UNPROBED:
-                    heights[row, column] = within(cell, -LARGEST_MM)
+    rows = {line: text.split(",") for line, text in enumerate(lines[3:], start=4)}
+    heights = heights_in(faults, rows, (len(y), len(x)), _AGAIN, _UNPROBED)
     if not faults.problems and not np.isfinite(heights).any():
         what = "No place of the map was probed: a placeholder, not a measurement."
         faults.add(what, _AGAIN, line=4)
     faults.check()
-    offset, at = np.nan_to_num(settings.probe), range(4, 4 + len(y))
-    grid = stored_grid(document.source, x, y, heights, at, offset)
+    offset = np.nan_to_num(settings.probe)
+    grid = stored_grid(document.source, x, y, heights, [*rows], offset)
     data = {"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))}
     date = _DATE.search(lines[0])
     return replace(settings, probe=offset, data=data, started=date and date[0])
@@ -341,7 +329,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         data["calibration"] = stored("G33", circle, radius)
     if grid and not bed:
         needs_reach("G29")
-        bed = _places(grid, reach, offset)
+        bed = _places(faults, grid, reach, offset)
     if bed:
         data["mesh"] = stored("G29", bed)
     if not data:
@@ -380,16 +368,11 @@ def _adjusted(machine: LinearDelta, printed: Mapping[str, float], trigger: float
     )
 
 
-def _places(grid: Mapping[int, list[str]], reach: float, offset: Floats) -> list[Sequence[float]]:
+def _places(faults: Faults, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
     """Line, x, y and height of the points of a grid within reach: Marlin makes up the others."""
-    if len({len(row) for row in grid.values()}) != 1:
-        raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
-    heights = np.array(
-        [
-            [math.nan if "=" in text else within(text, -LARGEST_MM) for text in row]
-            for row in grid.values()
-        ]
-    )
+    shape = len(grid), len(next(iter(grid.values())))
+    heights = heights_in(faults, grid, shape, "Send M420 V again.", "=+")
+    faults.check()
     x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
     heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
     mesh = stored_grid(Source("", ""), x, y, heights, [*grid], offset)

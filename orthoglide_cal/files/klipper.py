@@ -32,6 +32,7 @@ from orthoglide_cal.files.probe_readings import (
     USUAL_ANGLES_DEG,
     PrinterFile,
     delta_of,
+    heights_in,
     stored_grid,
     stored_mesh,
     within,
@@ -61,7 +62,10 @@ _PROBE = re.compile(
     "|scanner|cartographer|beacon|idm"
 )
 _CALIBRATION = "delta_calibrate"
-_STORED = re.compile("(?:manual_)?height[0-9]|distance[0-9]")
+_DISTANCES = "distance"
+# What is stored → the ends of the options with the stepper positions of it.
+_POSITIONS = {"height": ("_pos",), "manual_height": ("_pos",), _DISTANCES: ("_pos1", "_pos2")}
+_STORED = re.compile(rf"({'|'.join(_POSITIONS)})([0-9]{{1,6}})(|_pos[12]?)")
 _PROFILE = "bed_mesh "
 _MATTERS = re.compile(
     rf"printer|{'|'.join(_TOWERS)}|{_CALIBRATION}|bed_mesh|{_PROFILE}.*|{_PROBE.pattern}"
@@ -223,21 +227,16 @@ def read_printer_file(
     known = sorted(settings.options[_CALIBRATION].items())
     stored = [text for option, (_, text) in known if _STORED.match(option)]
     step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
-    heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
-    distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
+    reckoned = _calibration(settings, home, step)
     mesh = _mesh(settings, sensor, probe)
     settings.check()
+    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius)
     scanning = _SCANNING.fullmatch(sensor) is not None
-    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
-    both = {"calibration": _reached(document.source, machine, heights, distances), "mesh": mesh}
-    return PrinterFile(
-        machine,
-        probe,
-        document.source,
-        {name: readings for name, readings in both.items() if readings is not None},
-        remarks=tuple(settings.remarks),
-        steps=" ".join(stored),
-    )
+    machine = machine.changed(probe=machine.probe.changed(scanning=scanning))
+    both = {"calibration": _reached(document.source, machine, reckoned), "mesh": mesh}
+    data = {name: readings for name, readings in both.items() if readings is not None}
+    remarks, steps = tuple(settings.remarks), " ".join(stored)
+    return PrinterFile(machine, probe, document.source, data, remarks, steps=steps)
 
 
 def settings_beside(document: FileText) -> PrinterFile | None:
@@ -350,57 +349,51 @@ def _step(settings: Settings, tower: str) -> float:
     return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
 
 
-def _calibration(
-    settings: Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
-) -> list[Floats]:
-    """Values that [delta_calibrate] stores under these names, n of them.
+def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
+    """What [delta_calibrate] stores: probed heights, those entered by hand, and distances, (n, 9).
 
-    Returns:
-        Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
-        height, shapes (n, 3) [mm]; the probe's offset, a height that was entered by hand, or the
-        distance that callipers showed [mm]; and the line of each.
+    Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
+    height [mm]; the probe's offset, the height entered, or the distance on the callipers [mm]; the
+    line; and 1 for a height.
     """
-    pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
-    options = settings.options[_CALIBRATION]
-    starts: dict[tuple[int, int, str], int] = {}
+    options, starts = settings.options[_CALIBRATION], dict[tuple[int, int, str], int]()
     for option, (line, _) in options.items():
-        if match := pattern.fullmatch(option):
-            starts.setdefault((names.index(match[2]), int(match[3]), match[1]), line)
-    lines = {key[-1]: starts[key] for key in sorted(starts)}
-    low = 0.0 if names == ("distance",) else -LARGEST_MM
-    values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in lines]
-    for stem, line in lines.items():
+        match = _STORED.fullmatch(option)
+        if match and match[3] in ("", *_POSITIONS[match[1]]):
+            key = [*_POSITIONS].index(match[1]), int(match[2]), match[1]
+            starts.setdefault(key, line)
+    rows, nothing = [], [math.nan] * len(_TOWERS)
+    for (_, number, name), line in sorted(starts.items()):
+        stem, low = f"{name}{number}", 0.0 if name == _DISTANCES else -LARGEST_MM
+        value = settings.number(_CALIBRATION, stem, math.nan, low)
         if stem not in options:
             settings.missing(_CALIBRATION, stem, line)
-            continue
-        for end in dict.fromkeys(ends):
-            if stem + end not in options:
+        ends = []
+        for end in _POSITIONS[name]:
+            if stem in options and stem + end not in options:
                 what = f"{stem} has no stepper positions: {stem}{end} is missing."
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
                 settings.note((_CALIBRATION, stem), what, remedy)
-    nothing = [math.nan] * len(_TOWERS)
-    steps = (
-        [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
-        for end in ends
-    )
-    carriages = (home - np.reshape(counts, (-1, 3)) * step for counts in steps)
-    return [*carriages, np.array(values), np.array(list(lines.values()))]
+            counts = settings.read(_CALIBRATION, stem + end, _three, nothing, nothing)
+            ends.append(home - np.array(counts) * step)
+        rows.append((*ends[0], *ends[-1], value, line, name != _DISTANCES))
+    return np.reshape(rows, (-1, 9))
 
 
-def _reached(source: Source, machine: LinearDelta, *stored: Sequence[Floats]) -> Readings | None:
-    """Heights and distances, at the places where the machine's parameters put the nozzle."""
-    rails, known = machine.nominal_rails, stored[0][2]
-    if not len(known):
+def _reached(source: Source, machine: LinearDelta, stored: Floats) -> Readings | None:
+    """The same, at the places where the settings in force put the nozzle; None without heights."""
+    value, line, heights = stored[:, 6], stored[:, 7].astype(int), int(stored[:, 8].sum())
+    if not heights:
         return None
-    first, second, value, line = map(np.concatenate, zip(*stored, strict=True))
-    place, other = (np.asarray(rails.tool_for(at, strict=False)) for at in (first, second))
-    plan = touching(place, known, np.arange(len(value)), other=other)
+    ends = np.split(stored[:, :6], 2, axis=1)
+    place, other = (np.asarray(machine.nominal_rails.tool_for(at, strict=False)) for at in ends)
+    plan = touching(place, value[:heights], np.arange(len(value)), other=other)
     value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
-    trimmed = float(np.mean(value[: len(known)]))
+    trimmed = float(np.mean(value[:heights]))
     # What the settings in force take for higher is reached lower down.
     moved = Reason.of(NOZZLE[trimmed < 0.0], mm=abs(trimmed))
     remarks = (moved,) if abs(trimmed) > _TRIMMED_MM else ()
-    return Readings(plan, value, line.astype(int), False, source, remarks=remarks)
+    return Readings(plan, value, line, False, source, remarks=remarks)
 
 
 def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
@@ -412,8 +405,8 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     profile, remarks = section.removeprefix(_PROFILE).strip(), list[Reason]()
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     saved, _ = options[section].get("points", (math.inf, ""))
-    stored = options[_CALIBRATION].items()
-    first = min((line for option, (line, _) in stored if _STORED.match(option)), default=0)
+    calibration = options[_CALIBRATION].items()
+    first = min((line for option, (line, _) in calibration if _STORED.match(option)), default=0)
     if first > saved:
         order = Reason.of("stale_by_line", calibration=first, mesh=saved)
         remarks.append(Reason.of("stale_mesh", order=order))
@@ -426,17 +419,24 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     if len(profiles) > 1:
         remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
-    lines, rows = _rows(settings, section, len(x), len(y))
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
+    if "points" not in options[section]:
+        settings.missing(section, "points")
     if settings.problems:
         return None
-    probed = _probed(*np.meshgrid(x, y), rows, stated)
+    start, points = options[section]["points"]
+    texts = enumerate(points.split("\n"), start)
+    rows = {line: text.split(",") for line, text in texts if text.strip()}
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN)
+    if settings.problems:
+        return None
+    probed = _probed(*np.meshgrid(x, y), stored, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
     offset = probe * (0.0, 0.0, 1.0) if "x_offset" in options[section] else probe
     if padded := int(np.sum(~probed)):
         remarks.append(Reason.of("padded", count=padded, mesh=profile))
-    heights = np.where(probed, rows, math.nan)
-    mesh = stored_grid(settings.document.source, x, y, heights, lines, offset)
+    heights = np.where(probed, stored, math.nan)
+    mesh = stored_grid(settings.document.source, x, y, heights, [*rows], offset)
     return replace(mesh, remarks=tuple(remarks))
 
 
@@ -447,29 +447,6 @@ def _grid(settings: Settings, section: str, axis: str) -> Floats:
     if low >= high:
         settings.note((section, f"max_{axis}"), "The mesh ends before it begins.", _AGAIN)
     return np.linspace(low, high, count)
-
-
-def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
-    """Line of each row of a mesh, and the heights, shape (along, across)."""
-    if "points" not in settings.options[section]:
-        settings.missing(section, "points")
-        return [], np.empty((0, 0))
-    first, points = settings.options[section]["points"]
-    column, texts = f"points of [{section}]", enumerate(points.split("\n"), first)
-    rows = {line: text.split(",") for line, text in texts if text.strip()}
-    heights = []
-    for line, cells in rows.items():
-        if across and len(cells) != across:
-            what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
-            settings.add(what, _AGAIN, line, column, ",".join(cells))
-            continue
-        for cell in cells:
-            with settings.noting(line, column, cell):
-                heights.append(within(cell, -LARGEST_MM))
-    if along and len(rows) != along:
-        what = f"The mesh has {len(rows)} rows, y_count says {along}."
-        settings.add(what, _AGAIN, first, column)
-    return list(rows), np.reshape([] if settings.problems else heights, (-1, max(across, 1)))
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:

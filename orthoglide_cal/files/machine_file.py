@@ -244,14 +244,14 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         tree.note(path, *(WORDS["model_type"] if path[-1] in tree.value else missing))
         return None
     # Without its kind a file is of that of most keys; an Orthoglide may go without.
-    usual, *_ = MACHINES
+    unnamed, *_ = MACHINES
     keys = {kind: value.keys() & made.model_fields.keys() for kind, made in MACHINES.items()}
     kind = value.get("kind", max(keys, key=lambda kind: len(keys[kind])))
     if not isinstance(kind, str) or kind not in MACHINES:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
         tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
         return None
-    if "kind" not in value and kind != usual:
+    if "kind" not in value and kind != unnamed:
         tree.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     machine = MACHINES[kind]
     schema = _file_schema(machine)

@@ -1,7 +1,8 @@
 """Touches of a linear delta's bed: from a CSV, or from what files of its firmware store."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Self
@@ -10,6 +11,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
@@ -31,6 +33,7 @@ USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
 # What no firmware states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
 LARGEST_MM = 10_000.0
+Texts = Mapping[int, Sequence[str]]  # line → cells of a row
 
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
@@ -108,6 +111,29 @@ def stored_mesh(
     return Readings(plan, height, line.astype(int), False, source)
 
 
+def heights_in(
+    faults: Faults, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
+) -> Floats:
+    """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
+
+    NaN stands where a text fits the pattern `unprobed`; the usual one fits none.
+    """
+    heights = np.full((len(rows), shape[1]), math.nan)
+    if len(rows) != shape[0]:
+        what = f"The mesh has {len(rows)} rows instead of {shape[0]}."
+        faults.add(what, f"Was it cut off? {again}", max(rows, default=None))
+    for row, (line, cells) in enumerate(rows.items()):
+        if len(cells) != shape[1]:
+            what = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
+            faults.add(what, again, line, value=",".join(cells))
+            continue
+        for place, cell in enumerate(cells):
+            with faults.noting(line, value=cell.strip()):
+                if not re.fullmatch(unprobed, cell.strip()):
+                    heights[row, place] = within(cell, -LARGEST_MM)
+    return heights
+
+
 def stored_grid(
     source: Source, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
 ) -> Readings:
@@ -150,13 +176,7 @@ class PrinterFile(ReadOnly):
 
 
 def delta_of(
-    document: FileText,
-    arms: Floats,
-    radius: float,
-    angles: Floats,
-    endstops: Floats,
-    bed: float,
-    scanning: bool = False,
+    document: FileText, arms: Floats, radius: float, angles: Floats, endstops: Floats, bed: float
 ) -> LinearDelta:
     """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
 
@@ -169,7 +189,7 @@ def delta_of(
         tower_angles_deg=tuple(angles.tolist()),
         endstops_mm=Endstops(*endstops.tolist()),
         bed_radius_mm=bed,
-        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM, scanning=scanning),
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
     )
 
 

@@ -45,10 +45,10 @@ def diagnose(
     measured: Measured,
     model: Model,
     holdout: Measured | None = None,
-    applied: Floats | None = None,
+    applied: Floats | Sequence[float] = (),
     then: Model | None = None,
     sensitivity: bool = False,
-    recalibrated: bool | None = None,
+    recalibrated: bool = False,
 ) -> Diagnosis:
     """Say what the offsets-only model gets wrong, if anything.
 
@@ -59,22 +59,18 @@ def diagnose(
         then: the model at the time of the held-out data; None for the same.
         sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
             nothing, and that is left out.
-        recalibrated: whether the machine was calibrated again before the held-out data; None if the
-            models say so.
+        recalibrated: the machine was calibrated again before the held-out data; models may say so.
 
-    Raises:
-        UnusableResultError: the data do not determine the offsets, or the numbers of the machine
-            file and the data are too far apart.
+    Raises UnusableResultError: as of `decided`.
     """
     decision, machine, notes = decided(measured, model), model.machine, list[Reason]()
     belief, white = decision.belief, decision.belief.at.white
     changed = machine.differing(then.machine) if then is not None else ()
-    anew = bool(changed) if recalibrated is None else recalibrated
+    anew = recalibrated or bool(changed)
     known = then if then is not None and changed else model
     later = None if holdout is None else Whitened.of(holdout, known)
     entered = np.zeros(len(machine.parameter_names))
-    if applied is not None:
-        entered[: len(applied)] = applied
+    entered[: len(applied)] = applied
     free = len(entered) * anew
     if later is not None and anew:
         notes.append(Reason.of("recalibrated", changed=changed))
@@ -219,10 +215,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
 def decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
-    A name has to predict what is left out of its fit, and each date from those before it.
-
-    Raises:
-        UnusableResultError: the data do not determine the offsets, or cannot be weighed.
+    A name has to predict what is left out of its fit, and each date from those before it. Raises
+    UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """
     try:
         white = Whitened.of(measured, model)
@@ -452,10 +446,7 @@ def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
 def _predicted(
     decision: Decision, measured: Measured, residual: Floats, effects: Sequence[Effect]
 ) -> Floats:
-    """Prediction of each value by a fit with some effects, in the order of the file, (n,) [mm].
-
-    `residual` is what it leaves of the whitened data, shape (k,) [mm].
-    """
+    """Prediction of each value, (n,) [mm], by a fit that leaves a whitened residual (k,) [mm]."""
     white = decision.belief.at.white
     for effect in effects:
         cause, place = effect.cause, effect.place

@@ -120,12 +120,9 @@ def chance_of_worse(
 
 
 def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
-    """By how much the parameters that homing sets differ from what is expected of them later.
+    """By how much the parameters that homing sets differ from what is expected later, (h,) [mm].
 
-    Arguments as of `predict_later`.
-
-    Returns:
-        Shape (h,) [mm]; None where nothing says that they do.
+    None where nothing says that they do. Arguments as of `predict_later`.
     """
     homed = later.machine.homed
     error, jacobian, shared = (part / fit.sigma for part in _errors(later, fit, applied))

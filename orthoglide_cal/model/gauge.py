@@ -121,8 +121,7 @@ def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
         yield Reason.of("steady" if scatter else "stuck", where=where, **sizes)
     between = np.flatnonzero(off_scale(value, step))
     # An inch gauge's divisions need not be those of the machine file.
-    inches = value[between] / _INCH_STEP
-    if between.size and np.any(np.abs(inches - np.rint(inches)) >= 1e-2):
+    if off_scale(value[between], _INCH_STEP).any():
         line, first = int(readings.line[between[0]]), float(value[between[0]])
         counts = {"count": between.size, "readings": len(readings)}
         yield Reason.of("off_scale", **counts, step_mm=step, line=line, value_mm=first)
@@ -239,9 +238,8 @@ def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Reason]:
     step = gauge.resolution_mm
     written = max(len(f"{v:.9f}".rstrip("0").partition(".")[2]) for v in value.tolist())
     nearest = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
-    if any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):
-        return
-    yield Reason.of("fine_differences", step_mm=step)
+    if not any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):
+        yield Reason.of("fine_differences", step_mm=step)
 
 
 # --- units ------------------------------------------------------------------------------------

@@ -108,7 +108,6 @@ class AxisResponse(Schema):
     applied_mm: float
     found_mm: float  # change that the readings show
     ci95_mm: tuple[float, float]
-    coefficient: Coefficient | None  # found / applied; null: nothing applied
     otherwise: bool  # something else than what was applied is stated
 
 
@@ -344,9 +343,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
 def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) -> Verification:
     """Touches of a bed, each judged with the parameters that were in the controller then."""
     if applied is not None:
-        active = before.model.machine.active
-        held = [round(a + b, 9) for a, b in zip(active, applied, strict=False)]
-        after = replace(after, model=after.model.holding(held))
+        after.model.holding(applied)  # refused: its own file says what is active
     machine, later = before.model.machine, after.model.machine
     machine.check_same(later)
     stated = all(given.measured.source.excerpt is not None for given in (before, after))
@@ -382,8 +379,10 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
 
 
 def _mean_squares(solution: Solution) -> tuple[int, list[float], list[float], float]:
-    """Number of touches; mean squares, as read and as the parameters leave them, and u of these;
-    and what noise and local shape, as stated, leave [mm²]."""
+    """Mean squares of touches, as read and as the parameters leave them [mm²], and their u.
+
+    In front the number of touches; at the end what noise and local shape, as stated, leave [mm²].
+    """
     measured, machine = solution.measured, solution.model.machine
     assert isinstance(measured, Readings)
     touched = measured.plan.touches
@@ -472,7 +471,7 @@ def _swapped(before: Input, after: Input) -> bool | None:
 
 
 def _entered(
-    before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool = False
+    before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool
 ) -> tuple[Floats, Corrections]:
     """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
 
@@ -631,13 +630,7 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     otherwise = (likeliest.moved != applied) | likeliest.free.any(axis=1)
     rows = zip(AXES, applied.tolist(), moves, otherwise.tolist(), strict=False)
     axes = {
-        axis: AxisResponse(
-            applied_mm=by,
-            found_mm=move.value,
-            ci95_mm=move.ci95,
-            coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare) if by else None,
-            otherwise=other,
-        )
+        axis: AxisResponse(applied_mm=by, found_mm=move.value, ci95_mm=move.ci95, otherwise=other)
         for axis, by, move, other in rows
     }
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)

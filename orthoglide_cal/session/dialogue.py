@@ -13,8 +13,8 @@ from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.steps import (
+    GIVES_UP,
     MeasuringProtocol,
     SessionStep,
     clock,
@@ -83,23 +83,20 @@ class Dialogue:
         """Say what lies ahead, or what was there already."""
         opened, steps, first = self.state.opened, self.setting.steps, self.setting.first
         cycles = counted(opened.cycles, "cycle")
-        lines = [f"{opened.protocol} session, {cycles}, order: {opened.order}"]
+        head = f"{opened.protocol} session, {cycles}, order: {opened.order}"
         if opened.protocol is MeasuringProtocol.BEST:
-            lines.append(
-                f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
-                " wrong with a machine, leave out --design."
-            )
+            head += f"\nFewest readings for the offsets. What is given up: {GIVES_UP}."
+            head += " To name what is wrong with a machine, leave out --design."
         if first:
-            from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
-            lines = [f"{from_here} both are solved together at the end."]
+            head = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
+            head += " both are solved together at the end."
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
         following = self.setting.following
         long = wording.duration(following.minutes if following else clock(steps)[-1]).lower()
-        lines.append(f"File     {visible(str(self.path))}")
-        lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
-        self.asker.say("\n".join(lines))
+        counts = f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help."
+        self.asker.say(f"{head}\nFile     {visible(str(self.path))}\n{counts}")
         if lost := self.journal.lost:
             self.asker.say(
                 f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"

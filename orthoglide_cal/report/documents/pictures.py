@@ -122,8 +122,8 @@ def differences_figure(
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Dashed: the limit, ±{limit_mm:g} mm."
-    whole = f"Differences, {kind}: r.m.s. "
-    whole += f"{' → '.join(plain(size, 3) for size in rms_mm)} mm."
+    rms = " → ".join(plain(size, 3) for size in rms_mm)
+    whole = f"Differences, {kind}: {rms} mm r.m.s."
     return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
 
 

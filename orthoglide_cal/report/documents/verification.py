@@ -316,7 +316,6 @@ def _response(result: Verification, response: Coefficient) -> doc.Section:
         "applied": [signed(row.applied_mm, decimals) for row in rows],
         "found": [signed(row.found_mm, decimals) for row in rows],
         "95 % interval": [" … ".join(signed(end, decimals) for end in row.ci95_mm) for row in rows],
-        "coefficient": [_interval(row.coefficient) if row.coefficient else "" for row in rows],
     }
     lead = (
         "Response (measured change / entered change), all axes together: ",
