@@ -151,8 +151,8 @@ def codes_beside(measured: FileText) -> PrinterFile | None:
     remarks = [Reason.of("settings_beside", names=names)]
     set_on, probed = (_DATE.search(file.text.split("\n", 1)[0]) for file in (files[-1], measured))
     if set_on and probed and HEIGHT_MAP.search(measured.text) and probed[0] < set_on[0]:
-        order = {"date": probed[0], "settings": names[-1], "calibrated": set_on[0]}
-        remarks.append(Reason.of("stale_mesh", order=order))
+        dates = {"date": probed[0], "settings": names[-1], "calibrated": set_on[0]}
+        remarks.append(Reason.of("stale_mesh", order=Reason.of("stale_by_date", **dates)))
     return replace(read_codes(*files), remarks=tuple(remarks))
 
 

@@ -144,8 +144,8 @@ def brief_residuals(case: Case) -> list[doc.Block]:
 def residual_blocks(case: Case) -> Iterator[doc.Block]:
     """Measured − modelled without and with the causes, in figures and characters."""
     left = _left(case)
-    accepted = (pattern for pattern in case.answer.patterns if pattern.accepted)
-    yield from (_pattern_figure(case, pattern, n) for n, pattern in enumerate(accepted))
+    for number, pattern in enumerate(case.answer.beyond):
+        yield _pattern_figure(case, pattern, number)
     if _on_bed(case):
         measured = np.array([row.measured_mm for row in case.answer.residuals])
         maps, signs = [], list[str]()
@@ -299,7 +299,7 @@ def _on_bed(case: Case) -> bool:
 def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]: the parameters alone, and all that is found."""
     answer, rows = case.answer, case.answer.residuals
-    known = (f"the {pattern_name(pattern)}" for pattern in answer.patterns if pattern.accepted)
+    known = (f"the {pattern_name(pattern)}" for pattern in answer.beyond)
     causes = " and ".join((*(cause.id for cause in answer.causes), *known))
     measured, alone = _column(rows, "measured_mm"), _column(rows, "modelled_mm")
     left = {f"{case.words.many} only": measured - alone}
