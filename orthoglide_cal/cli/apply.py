@@ -11,13 +11,6 @@ from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
 from orthoglide_cal.errors import InputError, UsageError, command
 
-LIVE = (
-    "A LinuxCNC that holds the same offsets runs on this computer. Set them there, too, so that"
-    " homing again is enough"
-)
-INI_ONLY = "Restart LinuxCNC, then home: it reads its INI only when it starts."
-RESTART = "The firmware reads its file when it starts. Restart it now"
-
 
 def apply(
     session: Text = argument(
@@ -64,7 +57,7 @@ def apply(
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
         known = machine or (machine_of_controller(Path(), controller) if controller else None)
-        file = common.own_machine_file(known) if known or undo else None
+        file = common.own_machine_file(known) if known or undo or not to else None
         if undo and file:
             sha256 = read_input(path, file.model).measured.source.sha256 if path else None
             entry = take_back(file, sha256, controller)
@@ -89,7 +82,7 @@ def apply(
         controller, target = entry.controller, entry.file.document.path
         otherwise = running(controller) if controller else None
         live = otherwise == "" and not entry.tables
-        document = application_document(entry, path, machine, live)
+        document = application_document(entry, machine, live)
         if not entry.changes:
             if json:
                 common.deliver(document, as_json=True)
@@ -113,14 +106,19 @@ def apply(
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
-        if live and not agrees(LIVE):
-            common.tell(INI_ONLY)
-        elif controller and live:
-            if not is_live(controller_file(controller.target), anew=True):
+        if controller and live:
+            question = (
+                "A LinuxCNC that holds the same offsets runs on this computer. Set them there,"
+            )
+            if not agrees(f"{question} too, so that homing again is enough"):
+                common.tell("Restart LinuxCNC, then home: it reads its INI only when it starts.")
+            elif is_live(controller_file(controller.target), anew=True):
+                common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
+            else:
                 problem = "The running LinuxCNC does not take the offsets; its INI holds them."
                 raise InputError(problem, "Restart LinuxCNC, then home.")
-            common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
-        if controller and server(controller.target) and agrees(RESTART):
+        question = "The firmware reads its file when it starts. Restart it now"
+        if controller and server(controller.target) and agrees(question):
             restart(controller.target)
             common.tell("The firmware restarts. Home (G28) and probe a new mesh.")
 

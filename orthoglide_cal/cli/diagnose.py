@@ -36,7 +36,6 @@ def diagnose(
     json: bool = common.JSON,
 ) -> None:
     """Find what is wrong besides the offsets, and what to do about it."""
-    import numpy as np
 
     from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
@@ -85,10 +84,10 @@ def diagnose(
                     given.measured,
                     given.model,
                     holdout=later.measured if later else None,
-                    applied=np.array(applied or (0.0, 0.0, 0.0)),
+                    applied=applied or (),
                     then=later.model if later else None,
                     sensitivity=full,
-                    recalibrated=True if recalibrated else None,
+                    recalibrated=recalibrated,
                 )
             answer = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full)
         if together and diagnosed:

@@ -30,12 +30,9 @@ def export(
     data: common.Data = common.DATA,
     rule_out: Texts = common.RULE_OUT,
     method: Text = common.METHOD,
-    force: bool = flag(
-        "--force",
-        "Export a result that must not be used. Every line is marked as FORCED.",
-    ),
+    force: bool = flag("--force", "Export a result that must not be used, marked as FORCED."),
     points: int = option(
-        "N", "Points of the table along each edge of the workspace. Default: 7.", min=2, default=7
+        "N", "Points of the table along each edge. Default: 7.", min=2, max=51, default=7
     ),
     json: bool = common.JSON,
 ) -> None:
@@ -52,13 +49,11 @@ def export(
     def judge(path: str) -> None:
         given = common.read_input(path, machine, data, rule_out)
         known = given.model.machine
-        owners = [kind for kind, of in MACHINES.items() if format in of.controller_formats]
-        if owners and known.kind not in owners:
-            raise UsageError(
-                f"--format {format} is for machines of kind {owners[0]}; this one is of kind"
-                f" {known.kind}.",
-                f"Choose one of {', '.join(known.controller_formats)}, or text.",
-            )
+        if format not in ("text", *known.controller_formats):
+            owner = next(kind for kind, of in MACHINES.items() if format in of.controller_formats)
+            fault = f"--format {format} is for machines of kind {owner}; this one is of kind"
+            remedy = f"Choose one of {', '.join(known.controller_formats)}, or text."
+            raise UsageError(f"{fault} {known.kind}.", remedy)
         check_measured(given)
         case = released(given, machine, method, force, details=json)
         identity = identify([(case.source, given.model)], case.answer.method, machine)
@@ -98,9 +93,6 @@ def released(
         remedies = [f"{step.content} {step.command or ''}".rstrip() for step in case.remedies()]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")
-        raise UnusableResultError(
-            f"{f'Do not use these {case.words.many}' if force is None else 'Export refused'}."
-            f" {' '.join(map(case.says, answer.release.reasons))}",
-            "\n".join(remedies),
-        )
+        why = " ".join(map(case.says, answer.release.reasons))
+        raise UnusableResultError(f"Do not use these {case.words.many}. {why}", "\n".join(remedies))
     return case

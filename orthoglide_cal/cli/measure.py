@@ -109,13 +109,12 @@ def measure(
         kept = set_aside(session, Path(), lambda asked: yes or typer.confirm(asked, err=True))
         common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
         return
-    texts = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
-    pairs = zip_longest(*texts, fillvalue="")
-    labels = tuple(GaugeLabel(id=label, certificate=number) for label, number in pairs)
-    if len(labels) > len(gauge_id or ()):
+    if len(certificate or ()) > len(gauge_id or ()):
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
+    pairs = zip_longest(gauge_id or (), certificate or (), fillvalue="")
+    labels = (GaugeLabel(id=visible(id), certificate=visible(number)) for id, number in pairs)
     request = Request(
         path=session,
         resume=resume,
@@ -136,7 +135,7 @@ def measure(
         until_mm=until,
         operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=labels,
+        gauges=tuple(labels),
         says=sentence,
     )
     standing, show = Standing(follow) if follow else None, session_display(json)

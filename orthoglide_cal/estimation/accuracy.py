@@ -52,11 +52,8 @@ def sum_of_squares(problem: Problem, jacobian: Floats, residual: Floats, ratio: 
     Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ² and P the projector onto
     what the offsets cannot explain. Whichever estimator left the residual, it is the same.
 
-    Args:
-        problem: gives G.
-        jacobian: J, shape (k, 3).
-        residual: r, shape (k,) [mm].
-        ratio: C/σ: what the influences add, in standard deviations of one reading, shape (k, p).
+    `jacobian` is J, shape (k, 3); `residual` r, shape (k,) [mm]; `ratio` C/σ, what the influences
+    add in standard deviations of one reading, shape (k, p). G is the problem's.
     """
     left = unexplained(*problem.whitened(ratio, jacobian, residual))
     return float(left @ left)
@@ -104,24 +101,19 @@ def _free_directions(matrix: Floats, scale: float) -> Floats:
 def require_rank(problem: Problem) -> None:
     """Refuse data that do not determine all offsets.
 
-    Raises:
-        UnusableResultError: it names the offsets and the readings that fix it.
+    Raises UnusableResultError, with the offsets and the readings that fix it.
     """
     matrix = problem.at_zero[1]
-    scale = float(np.abs(matrix).max(initial=0.0)) or 1.0
-    free = _free_directions(matrix, scale)
-    if not len(free):
-        return
-    _refuse(problem, np.abs(free).max(axis=0) > NEGLIGIBLE)
+    free = _free_directions(matrix, float(np.abs(matrix).max(initial=0.0)) or 1.0)
+    if len(free):
+        _refuse(problem, np.abs(free).max(axis=0) > NEGLIGIBLE)
 
 
 def require_determined(problem: Problem) -> None:
     """Refuse data that tell no more of a parameter than is known of any such machine.
 
-    On the nominal machine with the stated noise: what a search must stand on.
-
-    Raises:
-        UnusableResultError: as of `require_rank`.
+    On the nominal machine with the stated noise: what a search must stand on. Raises as
+    `require_rank`.
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))
@@ -131,19 +123,16 @@ def require_determined(problem: Problem) -> None:
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
-    """Raises UnusableResultError for the parameters that are `free`, shape (p,)."""
-    machine = problem.model.machine
-    listed = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
-    raise UnusableResultError(
-        f"These readings do not determine {listed}.",
-        machine.vocabulary.fewest or f"Add readings of {_completing(problem, problem.at_zero[1])}.",
-    )
+    """Raises UnusableResultError for the parameters that are `free`, shape (p,).
 
-
-def _completing(problem: Problem, matrix: Floats) -> str:
-    """The fewest differences that complete the rank, in words."""
+    With the fewest differences that complete the rank.
+    """
+    machine, matrix = problem.model.machine, problem.at_zero[1]
+    fault = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
+    fault = f"These readings do not determine {fault}."
+    if machine.vocabulary.fewest:
+        raise UnusableResultError(fault, machine.vocabulary.fewest)
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    machine = problem.model.machine
     ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
     sensitivity = ideal.at_zero[1]
     scale, chosen = np.abs(sensitivity).max(), list[str]()
@@ -156,4 +145,4 @@ def _completing(problem: Problem, matrix: Floats) -> str:
             where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
         chosen.append(f"{series.words}, {where}")
         matrix = np.vstack((matrix, sensitivity[best]))
-    return "; ".join(chosen)
+    raise UnusableResultError(fault, f"Add readings of {'; '.join(chosen)}.")

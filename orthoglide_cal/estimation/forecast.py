@@ -12,7 +12,6 @@ likelihood that the readings give it.
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from orthoglide_cal.model.cause import PER_HOUR
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import double_posture
-from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import GaugePlan
 
 # Standard deviations of what nobody knows before the first reading [mm].
@@ -34,71 +33,53 @@ UNKNOWN_MM = 5.0
 _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
 
 
-class PlanForecast:
-    """Knowledge of a plan's readings before the first is taken: computed once.
+def forecast(
+    model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float, misfit_mm: float
+) -> Mixture:
+    """Readings of a plan (m,) before the first is taken, for each size of the misfit.
 
-    Some of them, in the order in which they are taken, are then forecast by selection.
+    Args:
+        model: the sizes of its machine's causes give standard deviations.
+        plan: readings of one set-up share a zero.
+        fresh: shape (m,); where not 0, nothing is known of a reading but its repeats with the same
+            number.
+        sigma_mm: standard deviation of one reading.
+        misfit_mm: as of `plausible_misfit_mm`.
     """
-
-    def __init__(self, model: Model, plan: GaugePlan) -> None:
-        """The gauge of its machine and the sizes of its causes give the standard deviations;
-        set-ups and times are those that a forecast names."""
-        self._model, self._plan, machine = model, plan, model.machine
-        self._zero = np.zeros(len(machine.parameter_names))
-        self._base, self._jacobian = simulate_with_jacobian(Model(machine), self._zero, plan)
-        if model.accepted:
-            self._base = simulate(model, self._zero, plan)
-        causes = CAUSES.values()
-        self._drift = math.hypot(*(c.size(machine) for c in causes if c.unit == PER_HOUR))
-        self._settling = math.hypot(*(c.size(machine) for c in causes if c.settles))
-        self._misfits = _SIZES * misfit_mm(machine)
-
-    def forecast(
-        self, rows: Ints, setup: Ints, order: Ints, hours: Floats, fresh: Ints, sigma_mm: float
-    ) -> Mixture:
-        """Some of the plan's readings, for each size of the misfit; all arrays have shape (m,).
-
-        Args:
-            rows: which readings of the plan.
-            setup: 0 … k−1; readings of one set-up share a zero.
-            order, hours: rank in time, and when they are taken [h].
-            fresh: where not 0, nothing is known of a reading but its repeats with the same number.
-            sigma_mm: standard deviation of one reading.
-        """
-        known, plan = fresh == 0, self._plan
-        slopes, first = self._jacobian[rows] * known[:, None], self._first_visits(rows, order)
-        cells = _same(plan.cells[rows], fresh)
-        common = (
-            OFFSET_MM**2 * slopes @ slopes.T
-            + ZERO_MM**2 * _same(setup)
-            + UNKNOWN_MM**2 * (cells & ~known)
-            + _same(plan.leg[rows], plan.direction[rows])
-            * (self._drift**2 * np.outer(hours, hours) + self._settling**2 * np.outer(first, first))
-            + sigma_mm**2 * np.eye(len(rows))
-        )
-        base = self._base[rows]
-        if not self._model.repeats:
-            # Time plays a part in a known effect: what is expected depends on when it is read.
-            plan = replace(plan.subset(rows), setup=setup, order=order, hours=hours)
-            base = simulate(self._model, self._zero, plan)
-        size2, count = self._misfits[:, None, None] ** 2, len(self._misfits)
-        return Mixture(
-            np.tile(base[:, None], (count, 1, 1)),
-            common + size2 * (cells & known),
-            np.full((count, 1), -math.log(count)),
-        )
-
-    def _first_visits(self, rows: Ints, order: Ints) -> np.ndarray:
-        """True while the leg's carriage has not moved away from where it began, shape (m,)."""
-        leg, moved = self._plan.leg[rows], self._plan.displacement[rows]
-        first = np.zeros(len(rows), dtype=bool)
-        for mine in (np.flatnonzero(leg == k) for k in np.unique(leg)):
-            away = moved[mine] != moved[mine[np.argmin(order[mine])]]
-            first[mine] = order[mine] < order[mine][away].min(initial=np.iinfo(np.intp).max)
-        return first
+    machine, causes = model.machine, CAUSES.values()
+    zero = np.zeros(len(machine.parameter_names))
+    drift = math.hypot(*(cause.size(machine) for cause in causes if cause.unit == PER_HOUR))
+    settling = math.hypot(*(cause.size(machine) for cause in causes if cause.settles))
+    _, slopes = simulate_with_jacobian(Model(machine), zero, plan)
+    known, first = fresh == 0, _first_visits(plan)
+    slopes, cells = slopes * known[:, None], _same(plan.cells, fresh)
+    common = (
+        OFFSET_MM**2 * slopes @ slopes.T
+        + ZERO_MM**2 * _same(plan.setup)
+        + UNKNOWN_MM**2 * (cells & ~known)
+        + _same(plan.leg, plan.direction)
+        * (drift**2 * np.outer(plan.hours, plan.hours) + settling**2 * np.outer(first, first))
+        + sigma_mm**2 * np.eye(len(plan))
+    )
+    size2, count = (_SIZES * misfit_mm)[:, None, None] ** 2, len(_SIZES)
+    return Mixture(
+        np.tile(simulate(model, zero, plan)[:, None], (count, 1, 1)),
+        common + size2 * (cells & known),
+        np.full((count, 1), -math.log(count)),
+    )
 
 
-def misfit_mm(machine: Machine) -> float:
+def _first_visits(plan: GaugePlan) -> np.ndarray:
+    """True while the leg's carriage has not moved away from where it began, shape (m,)."""
+    first = np.zeros(len(plan), dtype=bool)
+    for mine in (np.flatnonzero(plan.leg == leg) for leg in np.unique(plan.leg)):
+        order, moved = plan.order[mine], plan.displacement[mine]
+        away = moved != moved[np.argmin(order)]
+        first[mine] = order < order[away].min(initial=np.iinfo(np.intp).max)
+    return first
+
+
+def plausible_misfit_mm(machine: Machine) -> float:
     """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
 
     Of each cause at the posture that it changes most, compared with the isotropic one.

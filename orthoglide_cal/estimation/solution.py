@@ -145,10 +145,9 @@ class Solution(OffsetEstimate):
         return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
 
     def require_possible(self) -> None:
-        """Refuse offsets that no machine has.
+        """Refuse offsets that no machine has, or of which nobody knows what they are added to.
 
-        Raises:
-            UnusableResultError: with what to check; or nobody knows what they would be added to.
+        Raises UnusableResultError, with what to check.
         """
         require_settings(self.measured)
         machine, largest = self.model.machine, float(np.abs(self.offsets_mm).max())

@@ -44,6 +44,11 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import MM_PER_INCH, plain
 
+Sizes = Mapping[str, float]
+# Lines that are replaced, and all of a change: what is recorded of it, and the bytes then.
+Lines = Sequence[WrittenValue]
+Change = tuple[Written, bytes]
+
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
 _ENTRY = re.compile(r"\s*(\w+)\s*(?:=|(?=:))\s*(.*?)\s*", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
@@ -112,12 +117,9 @@ class ControllerFile(ABC):
         """Why it cannot take a cause away; "" where it has a place for what does."""
 
     @abstractmethod
-    def changed(
-        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
-    ) -> tuple[Written, bytes]:
-        """What is replaced, for the record, and the bytes then.
+    def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
+        """Enter changes of the calibrated parameters [mm, deg], and correct causes of these sizes.
 
-        `changes` of the calibrated parameters [mm, deg], `made` of what is wrong with the machine.
         Raises InputError, UsageError: the file would not be as its controller reads it.
         """
 
@@ -129,8 +131,8 @@ class ControllerFile(ABC):
     def sha256(self) -> str:
         return _digest(self.data)
 
-    def restored(self, written: Written) -> tuple[Written, bytes]:
-        """The same for the way back: the bytes as they were before, to the last one.
+    def restored(self, written: Written) -> Change:
+        """The way back: the bytes as they were before it was written, to the last one.
 
         Raises UsageError, with what differs, if the file is not what was written any more.
         """
@@ -139,7 +141,7 @@ class ControllerFile(ABC):
             line = value.line + inserted
             back.append(value.changed(line=line, before=value.after, after=value.before))
             inserted += not value.before
-        then, data = self._replaced(back)
+        then, data = self._replaced(back, written.tables)
         if (self.sha256, then.sha256_after) == (written.sha256_after, written.sha256_before):
             return then, data
         other = "The values are the same; something else in it was changed."
@@ -157,7 +159,7 @@ class ControllerFile(ABC):
             if not _alike(held.get(key, ""), value)
         )
 
-    def _entered(self, name: str, new: float, decimals: int) -> list[WrittenValue]:
+    def _entered(self, name: str, new: float, decimals: int) -> Lines:
         """The line of a setting with another value; none where it stays."""
         stands = self.settings[name]
         if abs(new - float(stands.before)) < 0.5 * 10.0**-decimals:
@@ -168,10 +170,8 @@ class ControllerFile(ABC):
             raise UsageError(problem, f"Check the value there, {stands.before}.")
         return [stands.changed(after=after)]
 
-    def _replaced(
-        self, values: Sequence[WrittenValue], tables: Sequence[WrittenTable] = ()
-    ) -> tuple[Written, bytes]:
-        """What is written with other values in some lines, for the record, and the bytes then."""
+    def _replaced(self, values: Lines, tables: Sequence[WrittenTable] = ()) -> Change:
+        """What is written with other values in some lines."""
         lines = self.data.splitlines(keepends=True)
         for value in sorted(values, key=_from_above)[::-1]:
             index = value.line - 1
@@ -211,20 +211,18 @@ class LinuxCnc(ControllerFile):
         known = all(self._origin_mm(axis, machine.home_mm) is not None for axis in AXES)
         return "" if known or even else "no_origin"
 
-    def changed(
-        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
-    ) -> tuple[Written, bytes]:
-        effects = correcting(model.machine, made)
-        decimals += 2 if self.unit_mm > 1.0 else 0
+    def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
+        effects = correcting(model.machine, causes)
+        digits += 2 if self.unit_mm > 1.0 else 0
         values, tables = list[WrittenValue](), list[WrittenTable]()
         for axis, change in changes.items():
-            if any(axis in sizes for sizes in made.values()):
-                lines, table = self._tabulated(axis, change, effects, model.machine, decimals)
+            if any(axis in sizes for sizes in causes.values()):
+                lines, table = self._tabulated(axis, change, effects, model.machine, digits)
                 values += lines
                 tables.append(table)
             else:
                 new = float(self.settings[axis].before) + change / self.unit_mm
-                values += self._entered(axis, new, decimals)
+                values += self._entered(axis, new, digits)
         return self._replaced(values, tables)
 
     def _number(self, axis: str, option: str) -> float:
@@ -251,8 +249,9 @@ class LinuxCnc(ControllerFile):
             return np.array([[float(self.settings[axis].before), half, -half]])
         path, rows = str(Path(self.target).parent / line.before), list[list[float]]()
         for number, text in enumerate(read_bytes(path).decode("latin-1").splitlines(), 1):
-            row = [float(word) if _ANY_NUMBER.fullmatch(word) else np.nan for word in text.split()]
-            if len(row) != 3 or np.isnan(row).any() or (rows and row[0] <= rows[-1][0]):
+            words = text.split()
+            row = [float(word) for word in words if _ANY_NUMBER.fullmatch(word)]
+            if not len(row) == len(words) == 3 or (rows and row[0] <= rows[-1][0]):
                 problem = "LinuxCNC ignores it, or the rest: not 3 numbers, or not ascending."
                 remedy = "Correct the table, or remove COMP_FILE from the INI."
                 raise InputError(problem, remedy, file=path, line=number, value=text)
@@ -265,8 +264,13 @@ class LinuxCnc(ControllerFile):
         return table
 
     def _tabulated(
-        self, axis: str, change_mm: float, made: Iterable[Effect], machine: Machine, decimals: int
-    ) -> tuple[list[WrittenValue], WrittenTable]:
+        self,
+        axis: str,
+        change_mm: float,
+        effects: Iterable[Effect],
+        machine: Machine,
+        decimals: int,
+    ) -> tuple[Lines, WrittenTable]:
         """Lines of the INI, and a new table beside it, that add corrections to what is there."""
         unit, table, line = self.unit_mm, self._existing(axis), self.settings[axis]
         old, latch = float(line.before), self._number(axis, _LATCH)
@@ -275,7 +279,7 @@ class LinuxCnc(ControllerFile):
 
         def added(at: Floats) -> Floats:
             """Over positions of the joint (n,), moving + and moving -, shape (2, n) [mm]."""
-            parts = [e.cause.correction(-e.theta, at + origin, home_mm) for e in made]
+            parts = [e.cause.correction(-e.theta, at + origin, home_mm) for e in effects]
             return np.asarray(np.sum(parts, axis=0)[..., AXES.index(axis)])
 
         def stands(at: Floats) -> Floats:
@@ -327,26 +331,25 @@ class Klipper(ControllerFile):
             return "" if cause.id in machine.fixed_parameters else "no_place"
         up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
         grows = np.all(up == down) and np.all(up[0] == 0.0)
-        return "" if grows and "pitch_a" in self.settings else "no_place"
+        return "" if grows and _PITCHES.keys() <= self.settings.keys() else "no_place"
 
-    def changed(
-        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
-    ) -> tuple[Written, bytes]:
-        """A carriage whose pitch is corrected stands elsewhere at its endstop."""
-        new = firmware_machine(model, [*changes.values()])
-        values, home = printer_values(new), new.home_mm
+    def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
+        corrected = correcting(model.machine, causes)
         known = {effect.cause.id for effect in model.accepted}
-        for id, sizes in made.items():
-            for tower, size in sizes.items():
-                if not CAUSES[id].by_joint:
-                    values[f"arm_{tower}"] += 0.0 if id in known else size
-                    continue
-                (effect,), at = correcting(new, {id: {tower: size}}), "abc".index(tower)
-                ends = effect.cause.correction(-effect.theta, np.array([home, home + 1.0]), home)
-                ratio = 1.0 / (1.0 + float(np.diff(ends[0, :, at])[0]))
-                values[f"pitch_{tower}"] = ratio * float(self.settings[f"pitch_{tower}"].before)
-                values[tower] += (ratio - 1.0) * (new.endstop_carriages_mm[at] - home)
-        lines = (self._entered(name, value, decimals) for name, value in values.items())
+        named = [e.cause.at(-e.theta) for e in corrected if e.cause.id not in known]
+        new = firmware_machine(model.extended(named), [*changes.values()])
+        values, home = printer_values(new), new.home_mm
+        for effect in (e for e in corrected if e.cause.by_joint):
+            at = np.array([home, home + 1.0])
+            low, high = effect.cause.correction(-effect.theta, at, home)[0]
+            ratios = (1.0 / (1.0 + high - low)).tolist()
+            for pitch, tower, ratio, stands in zip(
+                _PITCHES, "abc", ratios, new.endstop_carriages_mm.tolist(), strict=True
+            ):
+                values[pitch] = ratio * float(self.settings[pitch].before)
+                # The carriage stands elsewhere at its endstop then.
+                values[tower] += (ratio - 1.0) * (stands - home)
+        lines = (self._entered(name, value, digits) for name, value in values.items())
         return self._replaced([*chain.from_iterable(lines)])
 
 
@@ -356,8 +359,8 @@ def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
     `changes` of the calibrated parameters, (6,) [mm, deg].
     """
     machine = LinearDelta.require(model.machine)
-    active = zip(machine.active, changes, strict=True)
-    *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in active)
+    new = zip(machine.active, changes, strict=True)
+    *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in new)
     arms = np.array(machine.arm_length_mm)
     for effect in model.accepted:
         if effect.cause.id in machine.fixed_parameters:
@@ -372,20 +375,18 @@ def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
 
 def printer_values(machine: LinearDelta) -> dict[str, float]:
     """Settings of its firmware, by the names in `SAVED`."""
-    towers = {"angle_": machine.tower_angles_deg, "arm_": machine.arm_length_mm}
-    return {"radius": machine.delta_radius_mm} | {
-        f"{of}{tower}": value
-        for of, values in (towers | {"": machine.endstops_mm}).items()
-        for tower, value in zip("abc", values, strict=True)
-    }
+    values = {"radius": machine.delta_radius_mm}
+    towers = machine.tower_angles_deg, machine.arm_length_mm, machine.endstops_mm
+    for tower, angle, arm, endstop in zip("abc", *towers, strict=True):
+        values |= {f"angle_{tower}": angle, f"arm_{tower}": arm, tower: endstop}
+    return values
 
 
 def controller_file(target: str) -> ControllerFile:
     """What stands in a controller's file, of a path or of the address of a Moonraker server.
 
-    Raises:
-        InputError: it cannot be read, or is the file of no controller that is known here; or
-            values are not where they can be changed, each with its line.
+    Raises InputError: it cannot be read, or is the file of no controller that is known here; or
+    values are not where they can be changed, each with its line.
     """
     data = read_bytes(target)
     target = moonraker.server(target) or str(Path(target).resolve())
@@ -454,14 +455,14 @@ def _klipper(target: str, data: bytes, text: str) -> Klipper:
     above, header, _ = text.partition(_HEADER)
     heading = (above + header).count("\n") - 1 if header else len(text)
     for number, line in enumerate(text.rstrip().split("\n")):
-        vain = "Because of this line {} its heading Klipper {} what SAVE_CONFIG wrote."
-        if number <= above.count("\n") and line.startswith("#*#"):
-            problem, remedy = vain.format("above", "drops"), "Delete it."
-        elif number > heading and not re.match(r"#\*#( |$)", line):
-            problem, remedy = vain.format("below", "ignores"), "Move it above the block."
-        else:
-            continue
-        raise InputError(problem, remedy, file=target, line=number, value=line)
+        stray = number <= above.count("\n") and line.startswith("#*#")
+        if stray or (number > heading and not re.match(r"#\*#( |$)", line)):
+            why = (
+                "above its heading Klipper drops" if stray else "below its heading Klipper ignores"
+            )
+            remedy = "Delete it." if stray else "Move it above the block."
+            problem = f"Because of this line {why} what SAVE_CONFIG wrote."
+            raise InputError(problem, remedy, file=target, line=number, value=line)
     printer = Settings(document_from_bytes(data, target))
     printer.check()
     settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)

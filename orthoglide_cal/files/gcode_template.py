@@ -6,8 +6,7 @@ where the blocks go; all others are copied as they stand.
 
 import re
 from collections.abc import Iterable
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
@@ -35,14 +34,6 @@ _MODES = (
 )
 
 
-class PostureValues(StrEnum):
-    """Meaning of the numbers behind the axis words."""
-
-    JOINTS = "joints"
-    DISPLACEMENTS = "displacements"
-    TOOL = "tool"
-
-
 def _axes(value: object) -> tuple[str, ...]:
     words = tuple(value.upper().split()) if isinstance(value, str) else ()
     if len(set(words)) != 3 or len(words) != 3 or not all(map(_AXIS.fullmatch, words)):
@@ -57,7 +48,10 @@ class Template(Schema):
     after: tuple[str, ...]
     semicolon: bool  # comments are written "; …" instead of "(…)", as the marker is
     axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")  # axis words
-    values: Annotated[PostureValues, BeforeValidator(str.lower)] = PostureValues.JOINTS
+    # Meaning of the numbers behind the axis words.
+    values: Annotated[Literal["joints", "displacements", "tool"], BeforeValidator(str.lower)] = (
+        "joints"
+    )
     pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"  # waits at each posture
     feed: Positive = 1000.0  # between postures [mm/min]
     slow: Positive = 100.0  # on arrival [mm/min]
@@ -70,46 +64,40 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     the blocks to be written, or a mode (inches, relative) in which they would drive elsewhere.
     """
     content, taken = Content(document), set(numbers)
-    parts: tuple[list[str], list[str]] = ([], [])
     known = [name for name, field in Template.model_fields.items() if not field.is_required()]
     settings = content.value = dict[str, str]()
-    markers: list[bool] = []
+    before, after, marker = list[str](), list[str](), ""
     modes: dict[int, tuple[int, str]] = {}
     for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
         if ours := _OURS.fullmatch(text):
-            key, colon, value = (ours[1] or ours[2] or "").partition(":")
+            key, _, value = (ours[1] or ours[2] or "").partition(":")
             name = key.strip().lower()
-            if name == "blocks" and not colon:
-                markers.append(ours[1] is None)
-                if len(markers) > 1:
-                    wrong = "The place of the blocks is given twice."
-                    content.add(wrong, "Take one out.", line=line)
-            elif name in settings:
-                content.add("This setting is given twice.", "Take one out.", line=line, value=key)
+            if name in settings or (name == "blocks" and marker):
+                content.add("This is given twice.", "Take one out.", line=line, value=key)
+            elif name == "blocks":
+                marker = text.strip()
             elif name in known:
-                settings[name] = " ".join(value.split())
-                content.lines[name,] = line
+                settings[name], content.lines[name,] = " ".join(value.split()), line
             elif name != "note":
                 near = nearest(name, (*known, "note", "blocks"))
                 content.add("This is not a setting.", f"{near}{_PRINT}", line=line, value=name)
             continue
-        parts[bool(markers)].append(text)
+        (after if marker else before).append(text)
         code = _COMMENT.sub("", text)
         if (number := _NUMBER.match(code)) and int(number[1]) in taken:
-            remedy = "Number your own lines otherwise, or not at all."
-            wrong = "A posture has this block number."
-            content.add(wrong, remedy, line=line, value=f"N{number[1]}")
-        for mode in [] if markers else _CODE.findall(code):
+            wrong, value = "A posture has this block number.", f"N{number[1]}"
+            content.add(wrong, "Number your own lines otherwise, or not at all.", line, value=value)
+        for mode in [] if marker else _CODE.findall(code):
             modes |= {k: (line, mode) for k, codes in enumerate(_MODES) if mode in codes}
     for k, (line, mode) in modes.items():
         if meaning := _MODES[k][mode]:
             wrong = f"The blocks are not written for this code ({meaning})."
             remedy = f"Write G{next(iter(_MODES[k]))} before the blocks."
             content.add(wrong, remedy, line=line, value=f"G{mode}")
-    if not markers:
+    if not marker:
         wrong = "The template does not say where the blocks go."
         content.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")
-    around = {"before": parts[0], "after": parts[1], "semicolon": any(markers)}
+    around = {"before": before, "after": after, "semicolon": marker.startswith(";")}
     try:
         template = Template.model_validate({**around, **settings})
     except ValidationError as error:

@@ -31,8 +31,13 @@ LIKELY = 5
 
 
 def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
-    """Probability of each hypothesis from ln of its prior times evidence, most probable first."""
+    """Probability of each hypothesis from ln of its prior times evidence, most probable first.
+
+    Raises numpy.linalg.LinAlgError: rounding left no evidence of one.
+    """
     total = float(log_sum(np.array([*log_weight.values()])))
+    if math.isnan(total):
+        raise np.linalg.LinAlgError("the evidence is no number")
     ordered = sorted(log_weight.items(), key=lambda pair: -pair[1])
     return {key: math.exp(value - total) for key, value in ordered}
 
@@ -74,8 +79,7 @@ class Belief:
     def about(cls, white: Whitened) -> Belief:
         """Weigh every hypothesis by its linear evidence.
 
-        Raises:
-            UnusableResultError: no offsets fit these data.
+        Raises UnusableResultError: no offsets fit these data.
         """
         plan = white.plan
         spots = len(np.unique(plan.repeats[plan.touches]))
@@ -86,7 +90,7 @@ class Belief:
 
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
-        at = replace(self.at, white=self.at.white.scaled(factor))
+        at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
         return Belief(at, score_all(at), self.patterns, _tried=self._tried)
 
     def refined(self, sets: Iterable[Ids]) -> Belief:
@@ -158,11 +162,6 @@ class Belief:
     def unlisted(self) -> Mapping[str, float]:
         """Probability of each pattern beyond the list, by its label."""
         return {key: p for key, p in self.probability.items() if isinstance(key, str)}
-
-    @cached_property
-    def nothing(self) -> float:
-        """Probability that nothing is wrong."""
-        return self.listed[()]
 
     @cached_property
     def something(self) -> float:

@@ -147,11 +147,7 @@ class Whitened(ReadOnly):
 
     @classmethod
     def of(cls, measured: Measured, model: Model) -> Whitened:
-        """Whiten what was measured.
-
-        Raises:
-            UnusableResultError: the data do not determine the offsets.
-        """
+        """Whiten what was measured. Raises UnusableResultError: the offsets are not determined."""
         if isinstance(measured, Readings):
             white = cls.of_plan(measured.plan, model, measured.timed)
             require_rank(white.problem)
@@ -178,17 +174,16 @@ class Whitened(ReadOnly):
     @functools.lru_cache(maxsize=8)
     def of_plan(cls, plan: Plan, model: Model, timed: bool = True) -> Whitened:
         """Readings that are taken to a plan, all of them zero; on a known clock or not."""
-        if not timed:
-            # Rates of change as plausible as before, on a clock that was only assumed.
-            rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
-            model = _scaled(model, UNKNOWN_PACE, rates)
         # Zero-free contrasts are orthonormal.
         matrix, texture = zero_free(plan), None
         local = model.machine.local_shape(plan)
         if local is not None:
             texture = Texture.of(matrix @ local.columns, local.rest, local.assumed)
         problem, zero = Problem(model, plan, matrix), np.zeros(len(matrix))
-        return cls(problem, zero, None, True, np.arange(len(plan)), texture=texture)
+        white = cls(problem, zero, None, True, np.arange(len(plan)), texture=texture)
+        # Rates of change as plausible as before, on a clock that was only assumed.
+        rates = (cause for cause in CAUSES.values() if cause.unit == PER_HOUR)
+        return white if timed else white.scaled(UNKNOWN_PACE, rates)
 
     def __len__(self) -> int:
         return len(self.data)
@@ -206,9 +201,13 @@ class Whitened(ReadOnly):
         """W, shape (k, n)."""
         return self.problem.matrix
 
-    def scaled(self, factor: float) -> Whitened:
-        """The same with all tolerances multiplied, to see how an answer depends on them."""
-        model = _scaled(self.problem.model, factor, CAUSES.values())
+    def scaled(self, factor: float, causes: Iterable[Cause]) -> Whitened:
+        """The same with the plausible sizes of these causes multiplied."""
+        machine = self.machine
+        usual = (cause for cause in causes if cause.usual(type(machine)) is not None)
+        sizes = {cause.id: factor * cause.stated(machine) for cause in usual}
+        machine = machine.changed(tolerances={**machine.tolerances, **sizes})
+        model = replace(self.problem.model, machine=machine)
         return replace(self, problem=replace(self.problem, model=model))
 
     def plain(self, residual: Floats) -> Floats:
@@ -223,14 +222,11 @@ class Whitened(ReadOnly):
 
     @property
     def weight(self) -> Floats:
-        """Weight of an error of each reading, or difference, counts against a common one, (m,)."""
+        """Weight of an error of each reading, or difference, (m,): how precise it is."""
         return self.plan.precision if self.raw else np.ones(len(self.in_file))
 
     def rms(self, residual: Floats) -> float:
-        """Root mean square of a whitened residual over readings, or differences [mm].
-
-        What is less precise counts as much less.
-        """
+        """Root mean square of a whitened residual over readings, or differences, weighed [mm]."""
         return rms(self.weight * self.plain(residual))
 
     def relabelled(self, values: Floats, *changes: tuple[RelabelCause, Place]) -> Floats:
@@ -266,14 +262,6 @@ class Whitened(ReadOnly):
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""
         return np.hstack([np.zeros((len(self), 0)), *(one.columns for one in influences)])
-
-
-def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
-    """The model with the plausible sizes of these causes multiplied."""
-    machine = model.machine
-    usual = (cause for cause in causes if cause.usual(type(machine)) is not None)
-    sizes = {cause.id: factor * cause.stated(machine) for cause in usual}
-    return replace(model, machine=machine.changed(tolerances={**machine.tolerances, **sizes}))
 
 
 def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
@@ -373,8 +361,7 @@ class Linearised(ReadOnly):
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
         """Enumerate the places and fit the offsets to each version of the data.
 
-        Raises:
-            UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
+        Raises UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
         noise = NoiseGrid.around(white.machine.instrument.noise_mm, white.texture)
         places = places_of(white.problem, candidates.extras)

@@ -109,15 +109,16 @@ class Decision:
         Of the most probable answer the set that names it; a second cause is added only where to
         miss it costs more than to look for it in vain.
         """
-        belief = self.belief
-        # No answer is less probable than the most probable set of causes, a part of one.
-        least = max((value for ids, value in belief.listed.items() if ids), default=0.0)
-        likely = [sets for sets in belief.answers.values() if belief.share(sets) >= least]
-        names = map(self._name, likely)
-        most = max(names, key=lambda ids: belief.share(belief.answer_of(ids)), default=())
-        parts = [ids for ids in belief.listed if ids and set(ids) < set(most)]
+        belief, listed = self.belief, self.belief.listed
+        answer = max(belief.answers.values(), key=belief.share, default=((),))
+        # Of sets that are nearly as probable one of the record: whatever spoiled a reading, it is
+        # wrong, and to look for a knock in vain costs more.
+        least = listed[answer[0]] * MISSED_FAULT / NEEDLESS_HOLD
+        near = (ids for ids in answer if listed[ids] >= least)
+        most = min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
+        parts = [ids for ids in listed if ids and set(ids) < set(most)]
         enough = [ids for ids in parts if self._adds_little(most, ids)]
-        best = max(enough, key=belief.listed.__getitem__, default=most)
+        best = max(enough, key=listed.__getitem__, default=most)
         return self.as_shape(best) if self.shape in best else best
 
     @property
@@ -131,15 +132,6 @@ class Decision:
         makers = {id for id in ids if CAUSES[id].repeats}
         replaced = tuple(sorted({self.shape} | set(ids) - makers))
         return replaced if self.shape and makers and replaced in self.belief.listed else ids
-
-    def _name(self, answer: tuple[Ids, ...]) -> Ids:
-        """The most probable set of an answer, or one of the record that is nearly so.
-
-        Whatever spoiled a reading, it is wrong: to look for a knock in vain costs more.
-        """
-        listed = self.belief.listed
-        near = (i for i in answer if listed[i] * NEEDLESS_HOLD >= listed[answer[0]] * MISSED_FAULT)
-        return min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
@@ -201,13 +193,13 @@ class Decision:
     @property
     def wrong(self) -> bool:
         """True if to look for a fault costs less than to miss one."""
-        return is_likely(self.belief.nothing, MISSED_FAULT, self.hold)
+        return is_likely(self.belief.listed[()], MISSED_FAULT, self.hold)
 
     @property
     def surely_sound(self) -> bool:
         """True if nothing is wrong by so far that no fit of a cause can change it."""
-        belief = self.belief
-        return (1.0 - belief.nothing) * MISSED_FAULT < SURELY * belief.nothing * self.hold
+        nothing = self.belief.listed[()]
+        return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.hold
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -294,9 +286,9 @@ class Decision:
         Not faults without a size: what does not show moves nothing, but for the sign of a whole
         table, which the opposite offsets give, too, and which nobody could ever rule out.
         """
-        listed, nothing = self.belief.listed, self.belief.nothing
+        listed = self.belief.listed
         single = (ids for ids in listed if len(ids) == 1 and CAUSES[ids[0]].names)
-        return tuple(id for (id,) in single if listed[id,] * MISSED_FAULT >= MENTION * nothing)
+        return tuple(id for (id,) in single if listed[id,] * MISSED_FAULT >= MENTION * listed[()])
 
     @property
     def not_excluded(self) -> Ids:
@@ -502,8 +494,7 @@ def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple
 def decide(white: Whitened) -> Decision:
     """Weigh every hypothesis about the data, fit those that may change the decision, and decide.
 
-    Raises:
-        UnusableResultError: no offsets fit these data.
+    Raises UnusableResultError: no offsets fit these data.
     """
     return decide_by(Belief.about(white))
 

@@ -14,16 +14,23 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
-from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import describe, fits_of
-from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
+from orthoglide_cal.inference.prediction import (
+    REPEATS,
+    baselines,
+    chance_of_worse,
+    moved_origin,
+    predict_later,
+    repeats,
+)
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
     AssumedSize,
+    Baselines,
     Diagnosis,
     Explanation,
     FoundCause,
@@ -45,10 +52,10 @@ def diagnose(
     measured: Measured,
     model: Model,
     holdout: Measured | None = None,
-    applied: Floats | None = None,
+    applied: Floats | Sequence[float] = (),
     then: Model | None = None,
     sensitivity: bool = False,
-    recalibrated: bool | None = None,
+    recalibrated: bool = False,
 ) -> Diagnosis:
     """Say what the offsets-only model gets wrong, if anything.
 
@@ -59,22 +66,18 @@ def diagnose(
         then: the model at the time of the held-out data; None for the same.
         sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
             nothing, and that is left out.
-        recalibrated: whether the machine was calibrated again before the held-out data; None if the
-            models say so.
+        recalibrated: the machine was calibrated again before the held-out data; models may say so.
 
-    Raises:
-        UnusableResultError: the data do not determine the offsets, or the numbers of the machine
-            file and the data are too far apart.
+    Raises UnusableResultError: as of `decided`.
     """
     decision, machine, notes = decided(measured, model), model.machine, list[Reason]()
     belief, white = decision.belief, decision.belief.at.white
     changed = machine.differing(then.machine) if then is not None else ()
-    anew = bool(changed) if recalibrated is None else recalibrated
+    anew = recalibrated or bool(changed)
     known = then if then is not None and changed else model
     later = None if holdout is None else Whitened.of(holdout, known)
     entered = np.zeros(len(machine.parameter_names))
-    if applied is not None:
-        entered[: len(applied)] = applied
+    entered[: len(applied)] = applied
     free = len(entered) * anew
     if later is not None and anew:
         notes.append(Reason.of("recalibrated", changed=changed))
@@ -216,13 +219,13 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
     return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
+# What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
+@np.errstate(invalid="ignore")
 def decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
-    A name has to predict what is left out of its fit, and each date from those before it.
-
-    Raises:
-        UnusableResultError: the data do not determine the offsets, or cannot be weighed.
+    A name has to predict what is left out of its fit, and each date from those before it. Raises
+    UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """
     try:
         white = Whitened.of(measured, model)
@@ -452,10 +455,7 @@ def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
 def _predicted(
     decision: Decision, measured: Measured, residual: Floats, effects: Sequence[Effect]
 ) -> Floats:
-    """Prediction of each value by a fit with some effects, in the order of the file, (n,) [mm].
-
-    `residual` is what it leaves of the whitened data, shape (k,) [mm].
-    """
+    """Prediction of each value, (n,) [mm], by a fit that leaves a whitened residual (k,) [mm]."""
     white = decision.belief.at.white
     for effect in effects:
         cause, place = effect.cause, effect.place

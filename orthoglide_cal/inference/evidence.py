@@ -266,11 +266,7 @@ class Gaussian:
         return Overlap((columns**2).sum(axis=-2), match[..., 0, :], inside, axes.T @ columns)
 
     def against(self, columns: Overlap, residual: Floats) -> tuple[Floats, Floats]:
-        """Weights of columns c and their matches with the residual r (..., k) of their overlap.
-
-        Returns:
-            cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., s, g, q).
-        """
+        """cᵀ S⁻¹ c and cᵀ S⁻¹ r, each (..., s, g, q), of columns c and the residual r (..., k)."""
         data = self.overlap(residual[..., None], residual)
         power, match = self._weigh(columns, (columns.power, columns), (columns.match, data))
         return power, match

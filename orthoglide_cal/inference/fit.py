@@ -261,21 +261,26 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     large as these data make it.
     """
     fit = begun = _begin(hypothesis, scale_factor)
-    at, white, step, rounds = fit.linearised, fit.linearised.white, math.inf, 0
+    at, white, slopes = fit.linearised, fit.linearised.white, fit.derivatives
+    step, rounds = math.inf, 0
+    width, end = len(fit.start), slopes.shape[1]
+    data = at.versions[hypothesis.version] - hypothesis.added
     # From where they were linearised: the offsets alone, fitted to the data as recorded.
-    theta = fit.moved[len(fit.start) : fit.derivatives.shape[1]]
-    moved = np.abs(np.concatenate([fit.offsets - at.offsets[0], theta]))
-    if float(np.sqrt(np.mean(fit.derivatives**2, axis=0)) @ moved) > at.noise.stated:
+    moved = np.abs(np.append(fit.offsets - at.offsets[0], fit.moved[width:end]))
+    if float(np.sqrt(np.mean(slopes**2, axis=0)) @ moved) > at.noise.stated:
         rounds = ROUNDS
     for _ in range(rounds):
+        offsets, effects = fit.state
         try:
-            offsets, effects = fit.state
-            readings, slopes = differentiate(
-                at.white.problem.model, offsets, at.white.plan, effects
-            )
+            readings, slopes = differentiate(white.problem.model, offsets, white.plan, effects)
         except PostureError:  # No machine is like that: such an explanation stays as it was scored.
             break
-        before, (fit, step) = step, _step(fit, white.matrix @ readings, white.matrix @ slopes)
+        # The linear model of where it stands, and how far that moves the prediction, r.m.s. [mm].
+        slopes, theta = white.matrix @ slopes, np.append(np.zeros(width), fit.moved[width:end])
+        linear = data - white.matrix @ readings + slopes @ theta
+        columns = np.hstack([slopes, fit.columns[:, end:]])
+        fit = replace(fit, start=offsets, linear=linear, columns=columns)
+        before, step = step, rms(slopes @ (fit.moved[:end] - theta))
         if not FAR_MM < step < 0.5 * before:
             break
     fit = _settle(fit)
@@ -333,22 +338,6 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
         uncertain=uncertain,
         seen=seen,
     ).with_local_shape(scale_factor)
-
-
-def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]:
-    """The fit with the linear model of where it stands: prediction (k,), derivatives.
-
-    And how far this moves the prediction, r.m.s. [mm].
-    """
-    hypothesis, (width, end) = fit.hypothesis, (len(fit.start), derivatives.shape[1])
-    theta = fit.moved[width:end]
-    linear = fit.linearised.versions[hypothesis.version] - hypothesis.added - predicted
-    linear += derivatives[:, width:] @ theta
-    columns = np.hstack([derivatives, fit.columns[:, end:]])
-    after = replace(fit, start=fit.offsets, linear=linear, columns=columns)
-    step = after.moved[:end].copy()
-    step[width:] -= theta
-    return after, rms(derivatives @ step)
 
 
 def _settle(fit: Fit) -> Fit:

@@ -345,14 +345,10 @@ def density_of(
     columns: Sequence[Floats] = (),
     seen: Sequence[Floats] = (),
 ) -> Gaussian:
-    """Densities under many bases at several scales, leading axes (b, s).
+    """Densities under many bases at several scales of their sizes, with shares; axes (b, s, ...).
 
-    Args:
-        at, bases: the linear model, and which of its causes.
-        scales: of their sizes, and the share of each.
-        columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p); as of
-            `at` without.
-        seen: what is uncertain of the data and shows, with each base; as of `at` without.
+    `columns` are the derivatives by the offsets and the parameters of each base, shape (k, 3 + p),
+    `seen` what is uncertain of the data and shows with it; without them as `at` has these.
     """
     columns, seen = columns or [*map(at.columns, bases)], seen or [at.seen] * len(bases)
     every = [np.hstack(pair) for pair in zip(columns, seen, strict=True)]
@@ -376,12 +372,8 @@ def all_or_one(
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
-    Args:
-        at, causes: the linear model, and which of its causes.
-        residual: data minus the model without the cause, shape (k,) [mm].
-        log_all: log evidence if all its parameters act.
-        columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p); as of `at`
-            without.
+    From data minus the model without the cause, shape (k,) [mm], and the log evidence if all its
+    parameters act; `columns` as of `density_of`.
     """
     width = at.jacobian.shape[1]
     always, nuisance = width + at.seen.shape[1], max(len(cause.nuisance) for cause in causes)
@@ -449,13 +441,9 @@ def pattern_densities(
 ) -> Iterator[tuple[Ints, Floats]]:
     """`pattern_density` of a cause's places, some at a time: which, and (..., s, g, sizes, places).
 
-    With the weight of each place. Of sizes that are whole numbers not the places that add nothing
-    to the likeliest one.
-
-    Args:
-        at, placed, density: the model, the cause, and what it acts on.
-        residual: of the data, shape (k,) [mm] or (..., k).
-        by_noise: log density of it at each σ, without the cause, shape (..., s, g).
+    With the weight of each place; from a residual, shape (k,) [mm] or (..., k), and its log density
+    without the cause at each σ, `by_noise` (..., s, g). Of sizes that are whole numbers not the
+    places that add nothing to the likeliest one.
     """
     cause, machine = placed.cause, at.white.machine
     if not isinstance(cause, PatternCause) or placed.patterns is None:

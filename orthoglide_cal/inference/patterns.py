@@ -8,6 +8,7 @@ acts without them,
     ln p = ln p0 − ½ ln det(1 + s² G) + ½ mᵀ (1/s² + G)⁻¹ m,   G = Cᵀ S⁻¹ C,  m = Cᵀ S⁻¹ r
 
 S is taken as large as the noise: for each σ of the grid the S of the stated one, times its square.
+The likeliest patterns are described in numbers.
 """
 
 from __future__ import annotations
@@ -340,41 +341,37 @@ def _general(white: Whitened, noise: NoiseGrid) -> float:
 
 def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
     """The fit with one of a pattern's likeliest shapes; its unknowns are the last but uncertain."""
-    white, noise, uncertain = fit.white, fit.noise, fit.uncertain
-    shape, start = pattern.shapes[number], fit.first_uncertain
-    columns, unexpected, sizes, centre = fit.columns, fit.unexpected, fit.sizes, fit.centre
-    if pattern.how == "scatters":
-        more = shape.size / noise.stated * shape.columns[:, 0]
-        if np.ptp(more):
-            weight = 1.0 / np.hypot(1.0, _general(white, noise) * more)
-            contrasts = white.matrix
-            assert isinstance(contrasts, Contrasts)
-            zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
-            after = Contrasts(zeros, contrasts.precision * weight)
-
-            def weighed(values: Floats) -> Floats:
-                return np.asarray(after @ (contrasts.T @ values))
-
-            columns, unexpected = weighed(columns), weighed(unexpected)
-            uncertain = tuple(replace(one, columns=weighed(one.columns)) for one in uncertain)
-            plan, texture = replace(white.plan, precision=after.precision), white.texture
-            problem = replace(white.problem, plan=plan, matrix=after)
-            if texture is not None:
-                texture = Texture.of(weighed(texture.columns), texture.rest, texture.assumed)
-                noise = replace(noise, texture=texture)
-            white = replace(white, problem=problem, data=weighed(white.data), texture=texture)
-        else:
-            noise = replace(noise, sigma=noise.sigma * math.hypot(1.0, more[0]))
+    white, noise, shape = fit.white, fit.noise, pattern.shapes[number]
+    if pattern.how != "scatters":
+        more, start = white.matrix @ shape.columns, fit.first_uncertain
+        unknowns = np.array([[shape.size], [0.0]]) * np.ones(more.shape[1])
+        columns = np.insert(fit.columns, [start], more, axis=1)
+        sizes, centre = np.insert([fit.sizes, fit.centre], [start], unknowns, axis=1)
+        draft = replace(fit, columns=columns, sizes=sizes, centre=centre)
+    elif not np.ptp(noisier := shape.size / noise.stated * shape.columns[:, 0]):
+        draft = replace(fit, noise=replace(noise, sigma=noise.sigma * math.hypot(1.0, noisier[0])))
     else:
-        more = white.matrix @ shape.columns
-        count = more.shape[1]
-        columns = np.insert(columns, [start], more, axis=1)
-        sizes = np.insert(sizes, start, np.full(count, shape.size))
-        centre = np.insert(centre, start, np.zeros(count))
-    draft = replace(
-        fit, white=white, noise=noise, uncertain=uncertain, columns=columns,
-        linear=unexpected + columns @ centre, sizes=sizes, centre=centre,
-    )  # fmt: skip
+        weight, contrasts = 1.0 / np.hypot(1.0, _general(white, noise) * noisier), white.matrix
+        assert isinstance(contrasts, Contrasts)
+        zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
+        after = Contrasts(zeros, contrasts.precision * weight)
+
+        def weighed(values: Floats) -> Floats:
+            return np.asarray(after @ (contrasts.T @ values))
+
+        plan, texture = replace(white.plan, precision=after.precision), white.texture
+        if texture is not None:
+            texture = Texture.of(weighed(texture.columns), texture.rest, texture.assumed)
+            noise = replace(noise, texture=texture)
+        problem = replace(white.problem, plan=plan, matrix=after)
+        draft = replace(
+            fit,
+            white=replace(white, problem=problem, data=weighed(white.data), texture=texture),
+            noise=noise,
+            uncertain=tuple(replace(o, columns=weighed(o.columns)) for o in fit.uncertain),
+            columns=weighed(fit.columns),
+            linear=weighed(fit.linear),
+        )
     # What the pattern makes is no local shape.
     draft = draft.with_local_shape()
     return draft.with_sigma(draft.by_noise)

@@ -197,11 +197,13 @@ def fit_trends(data: DatedValues) -> dict[Trends, tuple[float, TrendFit]]:
 
 def _fit(data: DatedValues, acting: Trends) -> tuple[float, TrendFit]:
     """Best parts of these trends, free in size; log weight over all that they may be."""
-    every, scatter = np.diag(data.unit), np.zeros(len(data.unit))
-    rounds, sizes = (2, SIZES) if Trend.SCATTERING in acting else (1, np.zeros(1))
-    tried = [size * shares for shares in (every.sum(axis=0), *every) for size in sizes]
-    for _ in range(rounds):
+    scatter = np.zeros(len(data.unit))
+    tried, rounds = [scatter], 1
+    if Trend.SCATTERING in acting:
+        shares = data.unit, *np.diag(data.unit)
         # Twice, because other parts fit with the likeliest scatter.
+        tried, rounds = [size * share for share in shares for size in SIZES], 2
+    for _ in range(rounds):
         parts = _search(data, acting, scatter)
         fits = [TrendFit(data, parts, size) for size in tried]
         best = max(fits, key=lambda fit: fit.log_evidence)

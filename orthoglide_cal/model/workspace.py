@@ -22,7 +22,6 @@ from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
 from orthoglide_cal.schema import Schema
 
 SAMPLES = 17  # along each edge of the cube
-MOST_POINTS = 51  # of a compensation table, along each edge
 
 
 class Workspace(Schema):
@@ -88,20 +87,16 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> Workspace:
     """Tool-position error of a real machine before and after the offsets are entered.
 
-    Args:
-        offsets: Δρ that the controller does not know yet, shape (3,) [mm].
-        covariance: of the offsets, shape (3, 3) [mm²].
-        k: coverage factor for the uncertainty that remains.
-
-    Raises PostureError: a corner of the cube that the machine cannot reach; UsageError: it has no
-    cube.
+    `offsets` are Δρ that the controller does not know yet, shape (3,) [mm]; their `covariance`,
+    shape (3, 3) [mm²], remains, expanded by k. Raises PostureError: a corner of
+    the cube that the machine cannot reach; UsageError: it has no cube.
     """
     axis, points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
     before = np.linalg.norm(tool - points, axis=-1)
     left, after = error_after(model, covariance, k)
-    shape = (SAMPLES,) * 3
     levels = [0, SAMPLES // 2, SAMPLES - 1]
+    maps = (read_only(e.reshape((SAMPLES,) * 3)[levels]) for e in (before, after))
     return Workspace(
         before_mm=float(before.max()),
         after_mm=float(after.max()),
@@ -109,7 +104,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
         cube_mm=(float(axis[0]), float(axis[-1])),
-        maps=(read_only(before.reshape(shape)[levels]), read_only(after.reshape(shape)[levels])),
+        maps=tuple(maps),
     )
 
 
@@ -131,12 +126,9 @@ class Compensation(ReadOnly):
 def compensation(model: Model, points: int) -> Compensation:
     """The table for the causes accepted for this machine, with `points` along each edge.
 
-    Raises UsageError: no accepted cause can be compensated, or the grid has a useless size;
-    PostureError: a leg is too short for a point.
+    Raises UsageError: no accepted cause can be compensated; PostureError: a leg is too short for a
+    point.
     """
-    if not 2 <= points <= MOST_POINTS:
-        what = f"A table has 2 to {MOST_POINTS} points along each edge, not {points}."
-        raise UsageError(what, "Choose --points 7.")
     chosen = tuple(effect for effect in model.remaining() if effect.cause.compensable)
     if not chosen:
         what = "The machine file holds no accepted cause that a table could compensate."

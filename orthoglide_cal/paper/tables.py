@@ -16,7 +16,7 @@ from pydantic import Field, computed_field
 from pydantic.dataclasses import dataclass
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, promise, solve
+from orthoglide_cal.estimation import fit_offsets, pose_plan, promise, solve
 from orthoglide_cal.estimation.accuracy import rms, unit_covariance
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
@@ -148,23 +148,16 @@ def table_1(model: Model) -> Reproduction:
 
 
 def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.Generator) -> Floats:
-    """Estimate the offsets from many noisy sessions by nonlinear least squares (eq. 25).
+    """std(Δρ) of each replication, r.m.s. over the joints, shape (REPLICATIONS,) [mm].
 
-    Each reading gets its own noise, so a session's twelve differences share the noise of their
-    isotropic readings (errata, eq. 30).
+    Found from many noisy sessions by nonlinear least squares (eq. 25), where all three offsets are
+    `offset_mm`. Each reading gets its own noise, so a session's twelve differences share the noise
+    of their isotropic readings (errata, eq. 30).
 
-    Args:
-        kind: six equations, or twelve.
-        offset_mm: true value of all three offsets.
-
-    Returns:
-        std(Δρ) of each replication, r.m.s. over the joints, shape (REPLICATIONS,) [mm].
-
-    Raises:
-        UnusableResultError: any of the solves did not reach its optimum.
+    Raises UnusableResultError: any of the solves did not reach its optimum.
     """
-    problem = _problem(model, kind)
-    plan = problem.plan
+    plan = ideal_plan(kind, model.machine)
+    problem, _ = pose_plan(plan, model, kind)
     signal = simulate(model, np.full(3, offset_mm), plan)
     stds = np.empty(REPLICATIONS)
     for k in range(REPLICATIONS):
@@ -177,11 +170,6 @@ def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.G
             )
         stds[k] = np.sqrt(fit.offsets_mm.var(axis=0, ddof=1).mean())
     return stds
-
-
-def _problem(model: Model, kind: DataKind) -> Problem:
-    read = DataKind.TWELVE if kind is DataKind.READINGS else kind
-    return pose_plan(ideal_plan(read, model.machine), model, kind)[0]
 
 
 def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
@@ -251,13 +239,11 @@ def table_5(model: Model) -> Reproduction:
 
 
 def accuracy_factor(model: Model, kind: DataKind) -> float:
-    """σ_ρ/σ of one cycle of readings: the paper's 1.98 (six) and 2.06 (twelve).
+    """σ_ρ/σ of one cycle of readings: the paper's 1.98 (six, eq. 29) and 2.06 (twelve, eq. 32).
 
-    Args:
-        kind: six (eq. 29) or twelve differences (eq. 32), or readings: the Cramér–Rao bound of the
-            same isotropic, Max and Min readings.
+    Of all readings at once: the Cramér–Rao bound of the same isotropic, Max and Min readings.
     """
-    problem = _problem(model, kind)
+    problem, _ = pose_plan(ideal_plan(kind, model.machine), model, kind)
     # σ_ρ = √(trace V / 3) (eq. 33)
     return rms(np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1]))))
 

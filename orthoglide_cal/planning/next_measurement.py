@@ -75,15 +75,25 @@ ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 MOST = 8
 
 
-def options(first: Plan | None, machine: Machine) -> tuple[NextMeasurement, ...]:
+def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
     """All that can be done next within the limits of a machine.
 
-    `first` was read with gauges that stand in space; None where nothing can be solved with it.
+    `first` was read with gauges that stand in space. Where nothing can be solved with it, None:
+    sessions as `measure` guides them, of the best design where plungers would leave the bar.
     """
-    if first is None:
-        return tuple(_alone(machine))
-    first = GaugePlan.require(first)
-    return (*_going_on(first, machine), *_set_up_again(first, machine))
+    if first is not None:
+        first = GaugePlan.require(first)
+        yield from _going_on(first, machine)
+        yield from _set_up_again(first, machine)
+        return
+    usual = double_posture(machine)
+    protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
+    for cycles in ALONE:
+        session = (protocol, cycles, Order.PAPER, 2)
+        plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
+        task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
+        typed = sequence_options(*session)
+        yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)
 
 
 def _later(first: Plan, plan: PlanT) -> PlanT:
@@ -167,18 +177,6 @@ def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
                 break
 
 
-def _alone(machine: Machine) -> Iterator[NextMeasurement]:
-    """Sessions as `measure` guides them, of the best design where plungers would leave the bar."""
-    usual = double_posture(machine)
-    protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
-    for cycles in ALONE:
-        session = (protocol, cycles, Order.PAPER, 2)
-        plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
-        task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
-        typed = sequence_options(*session)
-        yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)
-
-
 def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     """With the stands set up again, labels and + sides of the gauges checked."""
 
@@ -206,20 +204,16 @@ def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasuremen
     usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
     half_way = bool(np.any(np.not_equal(fixed, HALF_WAY)))
-    for cycles in TIMES:
-        how = {"cycles": cycles, "half_way": half_way}
-        for leg in LEGS:
-            there = {"leg": AXES[leg], **how}
-            for walk, stops in walks:
-                yield option(Reason.of("stand_again", **there, walk=walk), (leg,), stops * cycles)
-            yield option(Reason.of("turn_bar", **there), (leg,), usual * cycles, turned=True)
+    for cycles, legs in product(TIMES, ((0,), (1,), (2,), LEGS)):
+        again, turn = ("stand_again", "turn_bar") if len(legs) == 1 else ("repeat", "turn_bars")
+        how = {"leg": AXES[legs[0]], "cycles": cycles, "half_way": half_way}
         for walk, stops in walks:
-            yield option(Reason.of("repeat", **how, walk=walk), LEGS, stops * cycles)
-        yield option(Reason.of("turn_bars", **how), LEGS, usual * cycles, turned=True)
-        for at in machine.gauge_places:
-            if np.all(np.abs(fixed - at) > ANOTHER_PLACE):
-                task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
-                yield option(task, LEGS, usual * cycles, gauge_at=at)
+            yield option(Reason.of(again, **how, walk=walk), legs, stops * cycles)
+        yield option(Reason.of(turn, **how), legs, usual * cycles, turned=True)
+    for cycles, at in product(TIMES, machine.gauge_places):
+        if np.all(np.abs(fixed - at) > ANOTHER_PLACE):
+            task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
+            yield option(task, LEGS, usual * cycles, gauge_at=at)
     yield option(Reason.of("repeat_reversed", half_way=half_way), LEGS[::-1], usual)
 
 
@@ -239,17 +233,16 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     """
     model, measured = diagnosis.model, diagnosis.measured
     plan = measured.plan if isinstance(measured, Readings) else None
-    choice: tuple[NextMeasurement, ...] = ()
+    first, choice = plan, list[NextMeasurement]()
     if plan is not None:
         # What the kind of machine has to offer other than gauges on legs.
-        choice = tuple(
-            NextMeasurement(what=task, plan=_later(plan, new), minutes=minutes)
-            for task, new, minutes in model.machine.further(plan)
-        )
-    if not (choice or model.machine.vocabulary.measure):
-        return ()
-    first = plan if choice or (plan is not None and plan.fixed) else None
-    choice = choice or options(first, model.machine)
+        for task, new, minutes in model.machine.further(plan):
+            choice.append(NextMeasurement(what=task, plan=_later(plan, new), minutes=minutes))
+    if not choice:
+        if not model.machine.vocabulary.measure:
+            return ()
+        first = plan if plan is not None and plan.fixed else None
+        choice += options(first, model.machine)
     # With many readings a probability may be too small for a number: such a one decides nothing.
     possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
     likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST]

@@ -37,13 +37,13 @@ from orthoglide_cal.model.machine import Influence, Layout, Origin, Suspicion
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.workspace import error_after
-from orthoglide_cal.planning.design import design_of
-from orthoglide_cal.planning.separation import Separations, separations
+from orthoglide_cal.planning.separation import TRACE_SIGMA, separations
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
+    design_of,
     gauge_moves,
     sequence,
     timed_plan,
@@ -308,6 +308,13 @@ class Target:
     cycles: int | None
 
 
+class Pair(Schema):
+    """Two causes, and how far apart readings typically put them [σ]."""
+
+    causes: tuple[str, str]
+    sigma: float
+
+
 class MeasurementPlan(Schema):
     """The forecast of a session, and of other ways to measure; its dump is `plan --json`.
 
@@ -320,8 +327,6 @@ class MeasurementPlan(Schema):
     chosen: SessionForecast = Field(exclude=True)
     # What more readings leave besides their scatter; None if that is nothing.
     floor: Budget | None = Field(exclude=True)
-    # Which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
-    apart: Separations = Field(exclude=True)
     # Plungers that leave their bar in this session, or nearly; None if all stay.
     bar_warning: Suspicion | None = Field(default=None, exclude=True)
     schema_version: Literal[1] = 1
@@ -341,7 +346,8 @@ class MeasurementPlan(Schema):
     # number; None for nothing, or for a layout.
     limits: Mapping[str, object]
     compare: tuple[Alternative, ...] = ()  # every protocol with every method, for the same U
-    separation: tuple[Mapping[str, object], ...]  # two causes, and sigma; nearest first
+    # What its readings, or those of `MOST_COMPARED` cycles, can distinguish; nearest first.
+    separation: tuple[Pair, ...]
     invisible: tuple[str, ...]  # causes that leave no trace
     trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
     design: BestDesign | None  # None where nothing is to be gained
@@ -391,13 +397,12 @@ def measurement_plan(
     if wanted.target_mm is not None:
         reached = chosen.worst_mm <= wanted.target_mm
         target = Target(wanted.target_mm, reached, chosen.cycles if reached else None)
-    apart, (lines, total) = separations(model, plan), budget_lines(chosen.budget)
-    seen, size = apart.visible, float(np.sqrt(np.mean(machine.linearization_points**2)))
+    (pairs, trace), (lines, total) = separations(model, plan), budget_lines(chosen.budget)
+    size = float(np.sqrt(np.mean(machine.linearization_points**2)))
     return MeasurementPlan(
         model=model,
         chosen=chosen,
         floor=floor,
-        apart=apart,
         bar_warning=machine.bar_warning(chosen.plan),
         machine=machine.name,
         protocol=chosen.name,
@@ -415,9 +420,9 @@ def measurement_plan(
             "cycles": most,
         },
         compare=compare if details else (),
-        separation=tuple({"causes": ids, "sigma": sigma} for ids, sigma in apart.pairs.items()),
-        invisible=tuple(cause.id for cause in apart.invisible),
-        trace=dict(zip([cause.id for cause in seen.causes], seen.trace.tolist(), strict=True)),
+        separation=tuple(Pair(causes=ids, sigma=sigma) for ids, sigma in pairs.items()),
+        invisible=tuple(id for id, sigma in trace.items() if sigma < TRACE_SIGMA),
+        trace={id: sigma for id, sigma in trace.items() if sigma >= TRACE_SIGMA},
         design=design,
         next=following,
     )

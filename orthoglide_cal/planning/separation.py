@@ -8,10 +8,9 @@ plausible offsets, so that all truths and all rivals are a few products of matri
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import compress, product
+from itertools import product
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,38 +22,18 @@ from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, differentiate_absent
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
+from orthoglide_cal.model.plan import Floats, Plan
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Separations(ReadOnly):
-    """How far apart c causes of plausible size are, typically (root mean square) [σ]."""
+class Separations(NamedTuple):
+    """How far apart causes of plausible size are, typically (root mean square) [σ]."""
 
-    causes: tuple[Cause, ...]  # in the order of the table
-    sigma: Floats  # between each pair, the smaller one of its two directions, shape (c, c)
-    trace: Floats  # between each of them and nothing wrong, shape (c,)
-
-    @cached_property
-    def invisible(self) -> tuple[Cause, ...]:
-        """Those that leave no trace in such readings."""
-        return tuple(compress(self.causes, self.trace < TRACE_SIGMA))
-
-    @cached_property
-    def visible(self) -> "Separations":
-        """Only the others."""
-        seen = self.trace >= TRACE_SIGMA
-        causes = tuple(compress(self.causes, seen))
-        return Separations(causes, self.sigma[np.ix_(seen, seen)], self.trace[seen])
-
-    @cached_property
-    def pairs(self) -> Mapping[tuple[str, str], float]:
-        """Ids of each two causes → their separation, nearest first."""
-        ids, sigma = [cause.id for cause in self.causes], self.sigma.tolist()
-        pairs = {(ids[b], ids[a]): sigma[a][b] for a in range(len(ids)) for b in range(a)}
-        return dict(sorted(pairs.items(), key=itemgetter(1)))
+    # Ids of two → the smaller one of their two directions; nearest first.
+    pairs: Mapping[tuple[str, str], float]
+    trace: Mapping[str, float]  # id → from nothing wrong; the machine's first
 
 
 def separations(model: Model, plan: Plan, among: Collection[str] | None = None) -> Separations:
@@ -80,8 +59,11 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
         every = np.concatenate([one.columns for one in white.uncertain(supposed)], axis=-1)
         for offsets, carried in zip(supposed, every, strict=True):
             total += _margins(white, offsets, causes, extras, columns, carried) / len(supposed)
-    sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
-    return Separations(causes, sigma, np.sqrt(total[:, -1]))
+    sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T)).tolist()
+    ids = [cause.id for cause in causes]
+    pairs = {(ids[b], ids[a]): sigma[a][b] for a in range(len(ids)) for b in range(a)}
+    trace = dict(zip(ids, np.sqrt(total[:, -1]).tolist(), strict=True))
+    return Separations(dict(sorted(pairs.items(), key=itemgetter(1))), trace)
 
 
 def _margins(

@@ -376,7 +376,7 @@ def signed_page(
     simulated = any(validity.simulated for _, validity in inputs)
     number = ("Number", doc.code(identity.number))
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
-    first, *later = (dict(_conditions(*recorded, machine.noted)) for recorded in inputs)
+    first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
     if later:
@@ -404,9 +404,7 @@ def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     return replace(notice, lines=(*notice.lines, *map(doc.doubtful, reservations)))
 
 
-def _conditions(
-    of: InputFile, validity: Validity, noted: Sequence[str]
-) -> Iterator[tuple[str, doc.Blank]]:
+def _conditions(of: InputFile, validity: Validity, noted: Sequence[str]) -> dict[str, doc.Blank]:
     """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
     gauges: list[doc.Inline] = []
     for gauge in validity.gauges:
@@ -420,13 +418,13 @@ def _conditions(
     known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
     temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
     rows: dict[str, doc.Blank] = {
+        "measured": moment(validity.measured),
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(temperatures) or None,
         "operator": validity.operator and doc.given(validity.operator),
+        "data": (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12])),
     }
-    yield "measured", moment(validity.measured)
-    yield from ((name, row) for name, row in rows.items() if name in noted)
-    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12]))
+    return {name: row for name, row in rows.items() if name in ("measured", "data", *noted)}
 
 
 def moment(written: str | None) -> doc.Marked | None:

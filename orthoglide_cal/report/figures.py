@@ -45,9 +45,7 @@ class Scale:
         return cls(low - room, high + room, start, end)
 
     def __call__(self, value: float) -> float:
-        """Place of a value; the middle if the scale has no length."""
-        if self.high == self.low:
-            return (self.start + self.end) / 2.0
+        """Place of a value."""
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
     def ticks(self) -> list[tuple[float, str, str]]:
@@ -180,7 +178,7 @@ def class_limits(largest: float, around_zero: bool = False) -> Floats:
     left.
     """
     steps, first = (CLASSES // 2, CLASSES / 2.0) if around_zero else (CLASSES, 0.0)
-    step = round_up(max(largest / steps, 1e-9), 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5)
+    step = round_up(max(largest / steps, 1e-9), 1.0, 2.0, 4.0, 6.0, 8.0)  # their halves are short
     return (np.arange(CLASSES + 1.0) - first) * step
 
 
@@ -203,7 +201,7 @@ def _axes(left: float, above: float, size: float, ends_mm: tuple[float, float]) 
 
 def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) -> Iterator[Html]:
     """The scale of the colours, with the number of every limit that has room."""
-    box = 32.0
+    box = 34.0
     places = [left + k * box for k in range(CLASSES + 1)]
     texts = [number(limit) for limit in limits]
     for k in range(CLASSES):
@@ -246,7 +244,7 @@ def workspace_maps(
                 body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
             yield svg(216.0, _ABOVE + _SIZE + 20.0, title, finding, body)
     title, finding = "Colours of the maps", "From zero upwards, in mm."
-    yield svg(276.0, 30.0, title, finding, _colours(14.0, 2.0, limits, "mm", "h"))
+    yield svg(276.0, 30.0, title, finding, _colours(6.0, 2.0, limits, "mm", "h"))
 
 
 def _cells(number: Ints) -> Iterator[Html]:
@@ -294,7 +292,6 @@ def bed_map(
     body = [
         tag("circle", cx=x0, cy=y0, r=scale * bed.radius_mm, class_="bed"),
         words(_BESIDE - 40, 14, title, class_="strong"),
-        words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"),
         *_axes(x0 - scale * reach, _OVER, scale * 2.0 * reach, (-reach, reach)),
         *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
     ]
@@ -302,6 +299,7 @@ def bed_map(
     for (x, y), k, ringed in zip(places, _classes(microns, limits), out, strict=True):
         body.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
         body += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
+    body.append(words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"))
     for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
         away = _BED / 2 + 12
         x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
@@ -495,27 +493,27 @@ _LEGEND = (
 )
 
 
-def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tuple[str, ...]:
+def separation_lines(
+    trace: Mapping[str, float], sigma: Mapping[tuple[str, str], float]
+) -> tuple[str, ...]:
     """How far each cause stands from the others: the lower half of a table, in characters.
 
     Args:
-        names: of c causes, at most 26.
-        sigma: between each pair, shape (c, c).
-        trace: of each from a sound machine, shape (c,).
+        trace: of each from a sound machine; at most 26.
+        sigma: between each pair, in the same order.
 
-    >>> import numpy as np
-    >>> print("\\n".join(separation_lines(["a", "bc"], np.array([[0, 3.2], [3.2, 0]]), np.ones(2))))
+    >>> print("\\n".join(separation_lines({"a": 1.0, "bc": 1.0}, {("a", "bc"): 3.2})))
             –   A
     A a   ▓ 1
     B bc  ▓ 1 ▒ 3
     Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
     –: from a sound machine; 99: or more
     """
-    room, letters = max(map(len, names)), string.ascii_uppercase[: len(names)]
+    names, room, letters = [*trace], max(map(len, trace)), string.ascii_uppercase[: len(trace)]
     lines = ["".join((" " * (room + 4), *(f"  {letter} " for letter in ("–", *letters[:-1]))))]
     for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
         cells = ""
-        for value in (trace[k], *sigma[k, :k]):
+        for value in (trace[name], *(sigma[other, name] for other in names[:k])):
             shade = _SHADES[np.searchsorted(_SHADE_LIMITS, value, "right")]
             cells += f"{shade}{min(int(value), _MOST) or '<1':>2} "
         lines.append(f"{letter} {name:<{room}}  {cells}")

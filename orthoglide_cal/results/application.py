@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, correcting
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError, command
 from orthoglide_cal.files.controller_file import ControllerFile, holds, replace_file
 from orthoglide_cal.files.input import Input
@@ -185,9 +185,9 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
             continue
         gain = None
         if cause.by_joint:
-            (effect,) = correcting(machine, {cause.id: {size.name: size.value}})
+            theta = -cause.correcting(machine, {size.name: size.value}).theta
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
-            gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
+            gain = float(np.ptp(cause.correction(theta, travel, machine.home_mm)))
         below = "below_u" if abs(size.value) <= size.expanded else ""
         left = controller.hindrance(cause, machine) or below
         yield Correction(id=cause.id, **dict(size), gain_mm=gain, left=left)

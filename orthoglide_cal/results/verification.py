@@ -108,7 +108,6 @@ class AxisResponse(Schema):
     applied_mm: float
     found_mm: float  # change that the readings show
     ci95_mm: tuple[float, float]
-    coefficient: Coefficient | None  # found / applied; null: nothing applied
     otherwise: bool  # something else than what was applied is stated
 
 
@@ -171,8 +170,6 @@ class Verification(Schema):
     # Of heights: U with which the two agree if all is as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
-    # Of heights: what the parameters found afterwards would leave.
-    rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     parameters: dict[str, ComparedParameter]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
@@ -344,9 +341,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
 def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) -> Verification:
     """Touches of a bed, each judged with the parameters that were in the controller then."""
     if applied is not None:
-        active = before.model.machine.active
-        held = [round(a + b, 9) for a, b in zip(active, applied, strict=False)]
-        after = replace(after, model=after.model.holding(held))
+        after.model.holding(applied)  # refused: its own file says what is active
     machine, later = before.model.machine, after.model.machine
     machine.check_same(later)
     stated = all(given.measured.source.excerpt is not None for given in (before, after))
@@ -356,7 +351,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         entered = np.subtract(later.active, machine.active).round(9).tolist()
     first, second = (_solved(given, given.model)[0] for given in (before, after))
     count, (was, promised), (u_was, u_promised), noise2 = _mean_squares(first)
-    touches, (now, reachable), (u_now, _), _ = _mean_squares(second)
+    touches, (now, _), (u_now, _), _ = _mean_squares(second)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -377,13 +372,14 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         rms_promised_mm=promised_mm,
         rms_expanded_mm=most_mm - promised_mm,
         rms_after_mm=after_mm,
-        rms_reachable_mm=math.sqrt(reachable),
     )
 
 
 def _mean_squares(solution: Solution) -> tuple[int, list[float], list[float], float]:
-    """Number of touches; mean squares, as read and as the parameters leave them, and u of these;
-    and what noise and local shape, as stated, leave [mm²]."""
+    """Mean squares of touches, as read and as the parameters leave them [mm²], and their u.
+
+    In front the number of touches; at the end what noise and local shape, as stated, leave [mm²].
+    """
     measured, machine = solution.measured, solution.model.machine
     assert isinstance(measured, Readings)
     touched = measured.plan.touches
@@ -472,7 +468,7 @@ def _swapped(before: Input, after: Input) -> bool | None:
 
 
 def _entered(
-    before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool = False
+    before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool
 ) -> tuple[Floats, Corrections]:
     """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
 
@@ -631,13 +627,7 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     otherwise = (likeliest.moved != applied) | likeliest.free.any(axis=1)
     rows = zip(AXES, applied.tolist(), moves, otherwise.tolist(), strict=False)
     axes = {
-        axis: AxisResponse(
-            applied_mm=by,
-            found_mm=move.value,
-            ci95_mm=move.ci95,
-            coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare) if by else None,
-            otherwise=other,
-        )
+        axis: AxisResponse(applied_mm=by, found_mm=move.value, ci95_mm=move.ci95, otherwise=other)
         for axis, by, move, other in rows
     }
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)

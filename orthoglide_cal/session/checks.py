@@ -168,13 +168,10 @@ def gather(readings: ReadingsSoFar, known: Floats, value: Floats) -> Evidence:
         for reversal in (() if readings.repeats else _reversals(readings))
         if (reversal.question.doubt, reversal.question.about) not in settled
     )
-    gains = np.zeros((len(whole), len(value)))
-    if whole:
-        values = np.vstack((known, value))
-        base = forecast.log_density(values, rows)
-        for index, reversal in enumerate(whole):
-            fit = forecast.log_density(values * reversal.factors[:, None], reversal.rows)
-            gains[index] = fit - base
+    values = np.vstack((known, value))
+    base = forecast.log_density(values, rows) if whole else 0.0
+    fits = (forecast.log_density(values * r.factors[:, None], r.rows) for r in whole)
+    gains = np.array([fit - base for fit in fits]).reshape(-1, len(value))
     return Evidence(prediction, prediction.tail(value[None])[0], whole, gains)
 
 

@@ -62,8 +62,7 @@ class LiveGauge(Protocol):
         """A prompt for this step, which was read `takes` times: forget what was said before."""
 
     def poll(self, asked: bool) -> list[Token]:
-        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost, until
-        it is back."""
+        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
 
     def close(self) -> None:
         """Let go of the port, if it has one."""
@@ -225,10 +224,7 @@ class SerialPort:
         return f"It had {most} decimals before: press again; or q and --resume if you changed that."
 
     def open(self) -> "serial.Serial":
-        """Open the port, unless it is open.
-
-        Raises UsageError without pyserial, GaugeLost if the port is not there, or in use.
-        """
+        """Open the port, unless it is open. Raises UsageError without pyserial, GaugeLost."""
         if self._line is not None:
             return self._line
         try:
@@ -252,9 +248,9 @@ class SerialPort:
         return self._line
 
     def read(self, asked: bool) -> list[Token]:
-        """Tokens that arrived completely, and one that never will; a port that was lost is opened.
+        """Tokens that arrived completely, and one that never will. Raises GaugeLost.
 
-        `asked` sends the format's request, if it has one. Raises GaugeLost.
+        A port that was lost is opened; if `asked`, the format's request is sent, if it has one.
         """
         line = self.open()
         try:

@@ -27,13 +27,13 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
     SessionStep,
+    require_on_bar,
     sequence,
     steps_of,
 )
@@ -92,12 +92,8 @@ def open_session(
 ) -> Dialogue:
     """Begin a session, or go on with one; `standing` is a machine that is followed.
 
-    Raises:
-        UsageError: the options do not go together or with the session; the file exists; another
-            session has it; the operator does not agree to the machine.
-        EOFError, KeyboardInterrupt: there is no answer to whether it is this machine.
-        InputError: a file cannot be used.
-        GaugeLost: the gauge cannot be reached.
+    Raises UsageError: what is asked for does not go together, or with what is there; InputError,
+    GaugeLost: a file or the gauge cannot be used; EOFError, KeyboardInterrupt: nobody answers.
     """
     _check_options(request)
     path, asker = session_file(request.path, Path(), request.resume), Asker(keyboard, show)
@@ -342,10 +338,7 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
 def setting_in(
     journal: Journal, state: events.State, steps: tuple[SessionStep, ...] = ()
 ) -> Setting:
-    """Machine, steps and earlier readings of a session, if nobody gives the steps.
-
-    Raises InputError.
-    """
+    """Machine, earlier readings, and steps unless they are given. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is None:
@@ -426,11 +419,8 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     """The file of the session to begin or to go on with.
 
     Without a name it is, in the folder, the first free one of `session.yaml`, `session-2.yaml` …,
-    or that of the only unfinished session.
-
-    Raises:
-        UsageError: to begin: the file exists, or an unfinished session is there, unless it is a
-            practice; to go on: without a name, there is none or several.
+    or that of the only unfinished session. Raises UsageError: it exists, or there is an unfinished
+    session, unless it is a practice; or, to go on, there is none, or there are several.
     """
     if given is None:
         waiting = unfinished(folder)

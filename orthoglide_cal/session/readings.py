@@ -4,7 +4,7 @@ import math
 import re
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from statistics import median
@@ -14,7 +14,7 @@ import numpy as np
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
-from orthoglide_cal.estimation.forecast import PlanForecast
+from orthoglide_cal.estimation.forecast import forecast, plausible_misfit_mm
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
@@ -33,8 +33,8 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of, planned_readings
-from orthoglide_cal.model.plan import Floats, Ints, joined
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import AXES, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 
@@ -155,13 +155,9 @@ class Setting:
         return plan_of([step.cell for step in self.steps])
 
     @cached_property
-    def outlook(self) -> PlanForecast:
-        """Forecast of 2·N readings: the steps', then the same with each leg's gauges exchanged."""
-        both = joined(self.plan, self.plan)
-        exchanged = both.contact == Contact.FIXED
-        exchanged[: len(self.plan)] = False
-        direction = np.where(exchanged, 3 - both.leg - both.direction, both.direction)
-        return PlanForecast(self.model, replace(both, direction=direction))
+    def misfit_mm(self) -> float:
+        """Plausible size of what the model leaves out of a reading [mm]."""
+        return plausible_misfit_mm(self.machine)
 
 
 class ReadingsSoFar:
@@ -339,15 +335,17 @@ class ReadingsSoFar:
     @cached_property
     def forecast(self) -> Mixture:
         """Forecast of 2·n readings: these, and the same with the gauges of each leg exchanged."""
-        rows = np.array([step.number - 1 for step in self.steps])
-        return self.setting.outlook.forecast(
-            np.concatenate((rows, rows + len(self.setting.steps))),
-            np.concatenate((self.setup, np.where(self.partner < 0, self.setup, self.partner))),
-            np.tile(np.arange(len(rows)), 2),
-            np.tile(self.minutes / 60.0, 2),
-            np.tile(self.fresh, 2),
-            self.sigma_mm,
+        cells, paired = [step.cell for step in self.steps], self.partner >= 0
+        leg, direction = np.array([(cell.leg, cell.direction) for cell in cells]).T
+        plan = plan_of(
+            2 * cells,
+            direction=np.append(direction, np.where(paired, 3 - leg - direction, direction)),
+            setup=np.append(self.setup, np.where(paired, self.partner, self.setup)),
+            order=np.tile(np.arange(len(cells)), 2),
+            hours=np.tile(self.minutes / 60.0, 2),
         )
+        fresh, setting = np.tile(self.fresh, 2), self.setting
+        return forecast(setting.model, plan, fresh, self.sigma_mm, setting.misfit_mm)
 
     @property
     def sigma_mm(self) -> float:

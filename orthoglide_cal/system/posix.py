@@ -91,14 +91,15 @@ Terminal = PosixTerminal
 
 
 def lock(descriptor: int) -> None:
-    """As the package says."""
+    """Lock a file until it is closed or the process ends, however. Raises OSError if it is."""
     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def publish(temporary: Path, path: Path) -> None:
-    """As the package says. A link fails where a rename would replace.
+    """Give a finished file its name. Raises FileExistsError if another file has it.
 
-    File systems without links (USB sticks) get a check and a rename.
+    A link fails where a rename would replace; file systems without links (USB sticks) get a check
+    and a rename.
     """
     try:
         path.hardlink_to(temporary)
@@ -111,7 +112,7 @@ def publish(temporary: Path, path: Path) -> None:
 
 
 def keep_owner(path: Path, other: Path) -> None:
-    """As the package says."""
+    """Give another file the owner and group of `path`. Raises OSError if nobody may."""
     wanted, stands = path.stat(), other.stat()
     if (wanted.st_uid, wanted.st_gid) != (stands.st_uid, stands.st_gid):
         try:
@@ -121,7 +122,7 @@ def keep_owner(path: Path, other: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """As the package says."""
+    """Make new names in a folder survive a power loss, as far as the system can."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:

@@ -57,7 +57,7 @@ Terminal = WindowsTerminal
 
 
 def lock(descriptor: int) -> None:
-    """As the package says."""
+    """As of `posix`."""
     place = os.lseek(descriptor, 0, os.SEEK_CUR)
     os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
     try:
@@ -67,7 +67,7 @@ def lock(descriptor: int) -> None:
 
 
 def publish(temporary: Path, path: Path) -> None:
-    """As the package says: here a rename fails where another file has the name."""
+    """As of `posix`: here a rename fails where another file has the name."""
     temporary.rename(path)
 
 

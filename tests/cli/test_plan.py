@@ -12,7 +12,7 @@ import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.planning.design import GIVES_UP
+from orthoglide_cal.planning.steps import GIVES_UP
 from tests import truth
 from tests.cli.program import DOUBLE, SIX, answer, lines, once, run, words, written
 from tests.files.test_printer_file import GOOD

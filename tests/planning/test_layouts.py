@@ -124,7 +124,7 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
     design = new_plan(Model(rough), Wanted()).design
     assert not design.reached
     best = max(
-        separations(Model(rough), layout.plan, rough.rivals).sigma[0, 1]
+        max(separations(Model(rough), layout.plan, rough.rivals).pairs.values())
         for layout in rough.distinguishing_layouts()
     )
     assert design.rivals_sigma == best

@@ -210,7 +210,7 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
     theta = fits[0].effects[0].theta
     motion = replace(session.effects[0], parameters=(*theta[:3], *-theta[3:]))
     lost, none = state_with(fits[0].offsets, [motion]), state_with(fits[1].offsets, ())
-    every = options(readings.plan, model.machine)
+    every = [*options(readings.plan, model.machine)]
     predicted = predictions(model, readings.plan, every, [(0.5, fit) for fit in fits])
     for option, seen in zip(every, predicted, strict=True):
         plan = continued(session, option, 1).plan

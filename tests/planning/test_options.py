@@ -20,9 +20,8 @@ from orthoglide_cal.model.orthoglide import (
 )
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.next_measurement import WAIT_MIN, options
-from orthoglide_cal.planning.steps import Order, clock, steps_of
+from orthoglide_cal.planning.steps import Order, clock, design_of, steps_of
 from orthoglide_cal.report.sentences import sentence
 from tests import truth
 from tests.cli.program import run, words
@@ -32,7 +31,7 @@ from tests.machines import LARGE, PROTOTYPE
 
 MACHINE = model_of(truth.LARGE, truth.MICRON).machine
 FIRST = double_posture(MACHINE, cycles=2)
-ALL = options(FIRST, MACHINE)
+ALL = [*options(FIRST, MACHINE)]
 GOING_ON = [option for option in ALL if option.continues]
 WITH_NEW_STANDS = [option for option in ALL if not option.continues]
 
@@ -124,7 +123,7 @@ def test_after_other_places_of_the_gauges_theirs_is_named() -> None:
 def test_without_stands_in_space_all_are_set_up() -> None:
     single = single_posture(MACHINE)
     assert not any(option.continues for option in options(single, MACHINE))
-    unknown = options(None, MACHINE)
+    unknown = [*options(None, MACHINE)]
     assert all(set(option.plan.contact) == {Contact.FIXED} for option in unknown)
     assert not any(option.continues for option in unknown)
 
@@ -151,7 +150,7 @@ def test_advised_limits_are_safe(length: float, low: float, high: float) -> None
 def test_options_never_leave_the_bar(machine: Machine, at: float) -> None:
     """Whatever was read, and wherever the gauges stand."""
     for first in (None, double_posture(machine, gauge_at=at)):
-        found = options(first, machine)
+        found = [*options(first, machine)]
         assert found
         for option in found:
             plan = option.plan if first is None else joined(option.plan)

@@ -12,8 +12,8 @@ from orthoglide_cal.estimation.forecast import (
     OFFSET_MM,
     UNKNOWN_MM,
     ZERO_MM,
-    PlanForecast,
-    misfit_mm,
+    forecast,
+    plausible_misfit_mm,
 )
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.model import Model, simulate
@@ -30,12 +30,10 @@ SIZES = 3.0 ** np.arange(-3, 2)
 
 
 def in_full(plan: GaugePlan, fresh: np.ndarray | None = None, model: Model = NOMINAL) -> Mixture:
-    rows = np.arange(len(plan))
-    fresh = 0 * rows if fresh is None else fresh
-    noise = model.machine.instrument.noise_mm
-    return PlanForecast(model, plan).forecast(
-        rows, plan.setup, plan.order, plan.hours, fresh, noise
-    )
+    fresh = np.zeros(len(plan), dtype=int) if fresh is None else fresh
+    machine = model.machine
+    misfit_mm = plausible_misfit_mm(machine)
+    return forecast(model, plan, fresh, machine.instrument.noise_mm, misfit_mm)
 
 
 def timed_plan(count: int = 60) -> GaugePlan:
@@ -83,30 +81,24 @@ def test_the_covariance_is_that_of_the_formula() -> None:
     common = columns @ columns.T + sigma2 * np.eye(60)
     base = simulate(NOMINAL, np.zeros(3), plan)
     for factor, mean, spread in zip(SIZES, found.means, found.covariance, strict=True):
-        size = factor * misfit_mm(PROTOTYPE)
+        size = factor * plausible_misfit_mm(PROTOTYPE)
         assert np.abs(spread - (common + size**2 * misfits @ misfits.T)).max() < 1e-6
         assert mean[:, 0] == pytest.approx(base, abs=1e-12)
 
 
 @pytest.mark.parametrize("cause", [None, "axis_gap", "backlash", "thermal_drift"])
-def test_a_selection_is_the_forecast_of_that_part(cause: str | None) -> None:
-    """Any readings in any order, with their own zeros and times, as a plan of just those.
-
-    Known causes are expected where and when they act.
-    """
+def test_known_causes_are_expected_where_and_when_they_act(cause: str | None) -> None:
+    """Of any readings in any order, with their own zeros and times."""
     rng = np.random.default_rng(3)
     known = [CAUSES[cause]] if cause else []
     effects = [each.at(np.linspace(-0.3, 0.4, each.unknowns)) for each in known]
     model, whole = NOMINAL.extended(effects), timed_plan()
     rows, order = rng.permutation(60)[:25], np.arange(25)
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
-    selected = PlanForecast(model, whole).forecast(rows, setup, order, hours, 0 * rows, 0.02)
-    alone = replace(whole.subset(rows), setup=setup, order=order, hours=hours)
-    exact = PlanForecast(model, alone).forecast(order, setup, order, hours, 0 * rows, 0.02)
-    assert np.array_equal(selected.covariance, exact.covariance)
-    assert np.array_equal(selected.means, exact.means)
-    assert np.array_equal(selected.means[0, :, 0], simulate(model, np.zeros(3), alone))
-    moved = np.abs(selected.means[0, :, 0] - simulate(NOMINAL, np.zeros(3), alone)).max()
+    plan = replace(whole.subset(rows), setup=setup, order=order, hours=hours)
+    means = in_full(plan, model=model).means[0, :, 0]
+    assert np.array_equal(means, simulate(model, np.zeros(3), plan))
+    moved = np.abs(means - simulate(NOMINAL, np.zeros(3), plan)).max()
     assert (moved > 1e-3) == bool(cause)
 
 
@@ -149,7 +141,7 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
     largest = np.sqrt(np.mean((heights - heights[:, hidden.stand]) ** 2, axis=0)).max()
     none = dict.fromkeys(("axis_gap", "axis_squareness", "bar_skew", "encoder_scale"), 1e-9)
     only = PROTOTYPE.changed(tolerances={**none, part: size})
-    assert misfit_mm(only) == pytest.approx(float(largest), rel=0.06)
+    assert plausible_misfit_mm(only) == pytest.approx(float(largest), rel=0.06)
 
 
 def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:

@@ -212,7 +212,7 @@ def _differences(
     """Each difference on one axis: as found, as expected, as measured afterwards."""
     answer = case.answer
     if left is not None:
-        return verification.left_figure(left) if left.differences else None
+        return verification.left_figure(left)
     if not answer.deviations or answer.as_found is None or answer.expected is None:
         return None
     rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]

@@ -196,21 +196,20 @@ def _courses(history: History) -> doc.Figure:
     times = [start.timestamp() for start in starts] or [*range(len(history.sessions))]
     labels = [f"{start:%Y-%m}" for start in starts] or [str(k + 1) for k in times]
     wide, top, bottom = 216.0, 26.0, 124.0
-    across = figures.Scale(times[0], times[-1], 66.0, wide - 26.0)
+    across = figures.Scale.around(times, 58.0, wide - 18.0)
     places = [across(time) for time in times]
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
+    changes = [(change.at, size) for change in history.changes for size in change.parameters]
     drift = _in_a_month(history) if history.dated else []
-    panels = []
+    limit, panels = history.limit.limit_mm if history.limit else 0.0, []
     for k, now in enumerate(history.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in history.sessions]
-        changes = [(c.at, size) for c in history.changes for size in c.parameters]
-        gaps = [(at, size) for at, size in changes if size.name == now.name]
-        moves = [size for _, size in gaps] + [rate for rate in drift if rate.name == now.name]
+        gaps = [at for at, size in changes if size.name == now.name]
+        moves = [size for size in (*(size for _, size in changes), *drift) if size.name == now.name]
         numbers = [with_uncertainty(size.value, size.expanded) for size in moves]
-        limit = [history.limit.limit_mm] if history.limit and now.unit == "mm" else []
-        edges = [now.value + side for size in limit for side in (-size, size)]
+        edges = [now.value - limit, now.value + limit] if limit and now.unit == "mm" else []
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
         up = figures.Scale.around(ends, bottom, top)
         title = f"{now.name}, {unit_words(now.unit)}"
@@ -219,10 +218,10 @@ def _courses(history: History) -> doc.Figure:
             *dates,
             *(line((40.0, up(edge)), (wide - 6.0, up(edge)), "due") for edge in edges),
         ]
-        for at, _ in gaps:
+        for at in gaps:
             middle = (places[at] + places[at + 1]) / 2.0
             parts.append(line((middle, top), (middle, bottom), "ink"))
-        for start, end in pairwise([0, *(at + 1 for at, _ in gaps), len(rows)]):
+        for start, end in pairwise([0, *(at + 1 for at in gaps), len(rows)]):
             parts.append(thread([(places[k], up(rows[k][2])) for k in range(start, end)]))
         for x, (value, half, _) in zip(places, rows, strict=True):
             parts.append(line((x, up(value - half)), (x, up(value + half)), "whisker"))

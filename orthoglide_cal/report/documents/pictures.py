@@ -122,8 +122,8 @@ def differences_figure(
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Dashed: the limit, ±{limit_mm:g} mm."
-    whole = f"Differences, {kind}: r.m.s. "
-    whole += f"{' → '.join(plain(size, 3) for size in rms_mm)} mm."
+    rms = " → ".join(plain(size, 3) for size in rms_mm)
+    whole = f"Differences, {kind}: {rms} mm r.m.s."
     return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
 
 
@@ -161,6 +161,7 @@ def residual_blocks(case: Case) -> Iterator[doc.Block]:
                     signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
         plain = doc.Listing((*signs, *_BED_LEGEND))
         yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
+        yield readings_table(case, distances=True)
     elif case.answer.input.kind == DataKind.READINGS:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
@@ -202,12 +203,8 @@ def reading_panels(
     for k, row in enumerate(rows):
         gauge = "all touches" if row.x_mm is not None else "all differences"
         gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
-    panels = {
-        gauge: drawn
-        for gauge, every in sorted(gauges.items())
-        if (not shown or {*shown} & {*every})
-        and (drawn := [k for k in every if np.isfinite(at[k])])
-    }
+    chosen = {gauge: ks for gauge, ks in sorted(gauges.items()) if not shown or {*shown} & {*ks}}
+    panels = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
     width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
@@ -219,6 +216,8 @@ def reading_panels(
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
+        if not numbers:
+            continue
         if over is None:
             numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
             names = list(dict.fromkeys(places[k] for k in numbers))
@@ -310,9 +309,14 @@ def _left(case: Case) -> dict[str, Floats]:
     return left
 
 
-def readings_table(case: Case) -> doc.Grid:
-    """Every reading or difference as it was written down, and what the models leave of it."""
-    rows, left = case.answer.residuals, _left(case)
+def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
+    """Every reading or difference as it was written down, and what the models leave of it.
+
+    With `distances` only the measured distances between places of a bed.
+    """
+    chosen = [k for k, row in enumerate(case.answer.residuals) if row.distance or not distances]
+    rows = [case.answer.residuals[k] for k in chosen]
+    left = {model: values[chosen] for model, values in _left(case).items()}
     readings = case.answer.input.kind == DataKind.READINGS
     at, places = "difference", [row.posture or "" for row in rows]
     if _on_bed(case):

@@ -17,7 +17,6 @@ from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
@@ -26,7 +25,13 @@ from orthoglide_cal.planning.plan import (
     SessionForecast,
 )
 from orthoglide_cal.planning.separation import TRACE_SIGMA
-from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
+from orthoglide_cal.planning.steps import (
+    GIVES_UP,
+    MOST_CYCLES,
+    MeasuringProtocol,
+    Order,
+    sequence_options,
+)
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.report.documents.diagnosis import between_words
@@ -165,12 +170,10 @@ def _command(
         protocol = MeasuringProtocol(forecast.name)
         options = sequence_options(protocol, forecast.cycles, Order.PAPER, plan.gauges)
         return command("measure", machine=machine, options=options)
-    usual = (plan.design or plan.by_cycles[0]).name
-    options = f"--layout {forecast.name} " if forecast.name != usual else ""
-    options += f"--program {_PLACES}"
-    return (
-        begun.typed("plan", options) if begun else command("plan", machine=machine, options=options)
-    )
+    options = f"--layout {forecast.name} --program {_PLACES}"
+    if begun:
+        return begun.typed("plan", options)
+    return command("plan", machine=machine, options=options)
 
 
 def _reach(model: Model, expanded: Floats) -> str:
@@ -244,8 +247,8 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
     if plan.invisible:
         yield f"Cannot be seen: {listed(plan.invisible)}."
-    pairs = plan.apart.visible.pairs.items()
-    near = [" from ".join(causes) for causes, sigma in pairs if sigma < TRACE_SIGMA]
+    seen = (pair for pair in plan.separation if plan.trace.keys() >= {*pair.causes})
+    near = [" from ".join(pair.causes) for pair in seen if pair.sigma < TRACE_SIGMA]
     if near:
         rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
         yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
@@ -352,12 +355,11 @@ def _design(best: BestDesign, typed: str) -> doc.Section:
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
     """Which causes the readings can distinguish."""
-    seen, hidden = plan.apart.visible, plan.apart.invisible
     blocks: list[doc.Block] = ["No cause leaves a trace."]
-    if seen.causes:
-        lines = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
-        blocks = [doc.Listing(lines)]
-    rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
+    if plan.trace:
+        sigma = {pair.causes: pair.sigma for pair in plan.separation}
+        blocks = [doc.Listing(separation_lines(plan.trace, sigma))]
+    rows = [(id, CAUSES[id].words(plan.model.machine).instrument) for id in plan.invisible]
     caption = "At their usual size they hardly change such readings."
     blocks.append(doc.Grid(("not seen", "what would show it"), rows, (0, 1), caption))
     title = "Which causes can be distinguished"

@@ -82,9 +82,7 @@ def check_document(
 ) -> doc.Document:
     """One line for the file; two for each fault: where and what, then the remedy.
 
-    Args:
-        check, source: what was found of the file, and what was measured.
-        refused: why its data give no offsets although nothing is wrong with the file.
+    `refused` says why its data give no offsets although nothing is wrong with the file.
     """
     checked = check.changed(refused=str(refused) if refused else None)
     path, kind = file_words(check.input.path), check.input.kind
@@ -111,12 +109,11 @@ def check_document(
 
 
 def application_document(
-    application: Application, session: str, machine_file: Path | None, live: bool
+    application: Application, machine_file: Path | None, live: bool
 ) -> doc.Document:
     """The offsets in the controller from now on, and what comes next; paths as they were given.
 
-    As data what changes in the machine file; lengths in mm. A controller that is `live` can be
-    told without a restart.
+    As data what changes in the machine file [mm]. A `live` controller is told without a restart.
     """
     entry, machine, given = application.entry, application.file.model.machine, application.given
     undone, written, controller = application.undone, application.written, application.controller
@@ -166,12 +163,12 @@ def application_document(
         if application.corrections:
             sections.append(doc.Section(None, _corrections(application.corrections)))
         title, steps = "To be taken back", [doc.Instruction(first)]
-        if not undone:
+        if given is not None:
             title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
             if words.measure:
-                typed = measure_again(given.conditions if given else None, machine_file)
+                typed = measure_again(given.conditions, machine_file)
                 again = doc.Instruction("Measure again in the same way.", typed)
-            compare, path = "Compare with the prediction.", session
+            compare, path = "Compare with the prediction.", given.measured.source.path
             if controller and controller.sha256 == entry.data_sha256:
                 compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
             typed = command("verify", path, "AFTER", machine=machine_file)
