@@ -13,9 +13,14 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import INVALIDATING, data_words, reserved, signed_page, sizes_words
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    data_words,
+    reserved,
+    signed_page,
+    sizes_words,
+)
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Identity
@@ -249,7 +254,7 @@ def _decision(made: Conformity) -> str:
 def parameters_left(result: Verification) -> doc.Section:
     """Each parameter as found, as entered, and what remains of it."""
     rows, decimals = result.parameters.values(), _decimals(result) if result.differences else 4
-    unit = common_unit(result.inputs[1][1].machine)
+    unit = result.inputs[1][1].machine.common_unit
     entered = [row.entered for row in rows]
     now = [None if row.entered is None else row.before + row.entered for row in rows]
     columns: dict[str, list[doc.Blank]] = {
