@@ -57,7 +57,7 @@ def apply(
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
         known = machine or (machine_of_controller(Path(), controller) if controller else None)
-        file = common.own_machine_file(known) if known or undo else None
+        file = common.own_machine_file(known) if known or undo or not to else None
         if undo and file:
             sha256 = read_input(path, file.model).measured.source.sha256 if path else None
             entry = take_back(file, sha256, controller)

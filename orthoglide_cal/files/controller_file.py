@@ -117,8 +117,8 @@ class ControllerFile(ABC):
         """Why it cannot take a cause away; "" where it has a place for what does."""
 
     @abstractmethod
-    def changed(self, model: Model, changes: Sizes, made: Corrections, decimals: int) -> Change:
-        """Enter changes of the calibrated parameters [mm, deg], and correct what was made out.
+    def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
+        """Enter changes of the calibrated parameters [mm, deg], and correct causes of these sizes.
 
         Raises InputError, UsageError: the file would not be as its controller reads it.
         """
@@ -211,18 +211,18 @@ class LinuxCnc(ControllerFile):
         known = all(self._origin_mm(axis, machine.home_mm) is not None for axis in AXES)
         return "" if known or even else "no_origin"
 
-    def changed(self, model: Model, changes: Sizes, made: Corrections, decimals: int) -> Change:
-        effects = correcting(model.machine, made)
-        decimals += 2 if self.unit_mm > 1.0 else 0
+    def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
+        effects = correcting(model.machine, causes)
+        digits += 2 if self.unit_mm > 1.0 else 0
         values, tables = list[WrittenValue](), list[WrittenTable]()
         for axis, change in changes.items():
-            if any(axis in sizes for sizes in made.values()):
-                lines, table = self._tabulated(axis, change, effects, model.machine, decimals)
+            if any(axis in sizes for sizes in causes.values()):
+                lines, table = self._tabulated(axis, change, effects, model.machine, digits)
                 values += lines
                 tables.append(table)
             else:
                 new = float(self.settings[axis].before) + change / self.unit_mm
-                values += self._entered(axis, new, decimals)
+                values += self._entered(axis, new, digits)
         return self._replaced(values, tables)
 
     def _number(self, axis: str, option: str) -> float:
@@ -264,7 +264,12 @@ class LinuxCnc(ControllerFile):
         return table
 
     def _tabulated(
-        self, axis: str, change_mm: float, made: Iterable[Effect], machine: Machine, decimals: int
+        self,
+        axis: str,
+        change_mm: float,
+        effects: Iterable[Effect],
+        machine: Machine,
+        decimals: int,
     ) -> tuple[Lines, WrittenTable]:
         """Lines of the INI, and a new table beside it, that add corrections to what is there."""
         unit, table, line = self.unit_mm, self._existing(axis), self.settings[axis]
@@ -274,7 +279,7 @@ class LinuxCnc(ControllerFile):
 
         def added(at: Floats) -> Floats:
             """Over positions of the joint (n,), moving + and moving -, shape (2, n) [mm]."""
-            parts = [e.cause.correction(-e.theta, at + origin, home_mm) for e in made]
+            parts = [e.cause.correction(-e.theta, at + origin, home_mm) for e in effects]
             return np.asarray(np.sum(parts, axis=0)[..., AXES.index(axis)])
 
         def stands(at: Floats) -> Floats:
@@ -328,8 +333,8 @@ class Klipper(ControllerFile):
         grows = np.all(up == down) and np.all(up[0] == 0.0)
         return "" if grows and _PITCHES.keys() <= self.settings.keys() else "no_place"
 
-    def changed(self, model: Model, changes: Sizes, made: Corrections, decimals: int) -> Change:
-        corrected = correcting(model.machine, made)
+    def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
+        corrected = correcting(model.machine, causes)
         known = {effect.cause.id for effect in model.accepted}
         named = [e.cause.at(-e.theta) for e in corrected if e.cause.id not in known]
         new = firmware_machine(model.extended(named), [*changes.values()])
@@ -344,7 +349,7 @@ class Klipper(ControllerFile):
                 values[pitch] = ratio * float(self.settings[pitch].before)
                 # The carriage stands elsewhere at its endstop then.
                 values[tower] += (ratio - 1.0) * (stands - home)
-        lines = (self._entered(name, value, decimals) for name, value in values.items())
+        lines = (self._entered(name, value, digits) for name, value in values.items())
         return self._replaced([*chain.from_iterable(lines)])
 
 

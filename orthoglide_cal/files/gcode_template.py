@@ -6,8 +6,7 @@ where the blocks go; all others are copied as they stand.
 
 import re
 from collections.abc import Iterable
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
@@ -35,14 +34,6 @@ _MODES = (
 )
 
 
-class PostureValues(StrEnum):
-    """Meaning of the numbers behind the axis words."""
-
-    JOINTS = "joints"
-    DISPLACEMENTS = "displacements"
-    TOOL = "tool"
-
-
 def _axes(value: object) -> tuple[str, ...]:
     words = tuple(value.upper().split()) if isinstance(value, str) else ()
     if len(set(words)) != 3 or len(words) != 3 or not all(map(_AXIS.fullmatch, words)):
@@ -57,7 +48,10 @@ class Template(Schema):
     after: tuple[str, ...]
     semicolon: bool  # comments are written "; …" instead of "(…)", as the marker is
     axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")  # axis words
-    values: Annotated[PostureValues, BeforeValidator(str.lower)] = PostureValues.JOINTS
+    # Meaning of the numbers behind the axis words.
+    values: Annotated[Literal["joints", "displacements", "tool"], BeforeValidator(str.lower)] = (
+        "joints"
+    )
     pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"  # waits at each posture
     feed: Positive = 1000.0  # between postures [mm/min]
     slow: Positive = 100.0  # on arrival [mm/min]

@@ -385,8 +385,3 @@ class Diagnosis(ReadOnly):
             if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
         }
         return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
-
-    @property
-    def spare(self) -> int:
-        """Number of readings beyond the unknowns of the answer."""
-        return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)

@@ -19,7 +19,7 @@ from itertools import compress, groupby
 import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
-from orthoglide_cal.files.gcode_template import PostureValues, Template
+from orthoglide_cal.files.gcode_template import Template
 from orthoglide_cal.files.text import csv_text, in_csv
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
@@ -178,9 +178,9 @@ def program_gcode(program: PostureProgram, template: Template) -> str:
     def move(joints: Floats, feed: float) -> str:
         """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
         values = joints
-        if template.values is PostureValues.DISPLACEMENTS:
+        if template.values == "displacements":
             values = joints - machine.home_mm
-        elif template.values is PostureValues.TOOL:
+        elif template.values == "tool":
             values = machine.nominal_rails.tool_for(joints)
         pairs = zip(template.axes, values, strict=True)
         words = " ".join(f"{axis}{plain(value, _DECIMALS)}" for axis, value in pairs)
@@ -209,11 +209,11 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     """Meaning of the numbers, the session of the blocks, and what the approach hides."""
     home, names = short(program.machine.home_mm, _DECIMALS), " ".join(template.axes)
     meaning = {
-        PostureValues.JOINTS: f"joint positions as the controller shows them: all {home} at the"
+        "joints": f"joint positions as the controller shows them: all {home} at the"
         " isotropic posture",
-        PostureValues.DISPLACEMENTS: f"displacements of the carriages from the isotropic posture,"
+        "displacements": f"displacements of the carriages from the isotropic posture,"
         f" where the joint positions are {home}",
-        PostureValues.TOOL: "tool positions: all 0 at the isotropic posture",
+        "tool": "tool positions: all 0 at the isotropic posture",
     }
     postures = counted(len(program.blocks), "posture")
     yield f"For {program.machine.name}: {postures}, each a numbered block."
