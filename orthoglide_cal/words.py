@@ -168,6 +168,16 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
+def capitalized(text: str) -> str:
+    """The text as a sentence begins; all but its first letter stays."""
+    return text[:1].upper() + text[1:]
+
+
+def uncapitalized(text: str) -> str:
+    """The text as it goes on behind a comma or colon."""
+    return text[:1].lower() + text[1:]
+
+
 def shortened(text: str) -> str:
     """A text from outside for a message: no more than fits beside its place and the remedy."""
     return text if len(text) <= 60 else f"{text[:59]}…"

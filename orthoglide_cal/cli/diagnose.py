@@ -45,7 +45,7 @@ def diagnose(
     from orthoglide_cal.files.probe_readings import PrinterFile
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.case import Case
-    from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+    from orthoglide_cal.report.documents.answer import diagnosis_document
     from orthoglide_cal.results import answer_to, with_dates
     from orthoglide_cal.results.history import in_order, wrong_order
 

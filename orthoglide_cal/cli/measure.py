@@ -96,7 +96,7 @@ def measure(
     from orthoglide_cal.files.linuxcnc import Standing
     from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.case import Case
-    from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
     from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.events import GaugeLabel

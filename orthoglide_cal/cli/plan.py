@@ -8,7 +8,6 @@ from orthoglide_cal.cli.common import MEASURED, Count, File, Number, Text, argum
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
-    from orthoglide_cal.planning.plan import SessionForecast
     from orthoglide_cal.planning.program import PostureProgram
 
 _GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
@@ -49,6 +48,7 @@ def plan(
     json: bool = common.JSON,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
+    from orthoglide_cal.files.probe_readings import places_csv
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning import rank_measurements
     from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
@@ -90,7 +90,15 @@ def plan(
             if moves != (None,) * 4:
                 fault = "A printer's places are written as a table."
                 raise UsageError(fault, "Leave these options out.")
-            write_places(chosen, program)
+            if not chosen.plan.touches.all():
+                raise UsageError(
+                    f"{chosen.name} holds distances on a printed object: they are not probed.",
+                    "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring"
+                    " printer.cfg; or choose a layout without distances: --layout bed-13",
+                )
+            message = f"{len(chosen.plan)} places written to {program}: {chosen.what}. Fill in"
+            message += " reading_mm, the height at which the probe triggers, bed mesh off."
+            common.put(places_csv(chosen.plan), program, message)
             return
         careful = require_on_bar(chosen.plan, model.machine)
         if careful is not None:
@@ -137,21 +145,3 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
         raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
     advice = "Try them first without gauges, slowly, a hand on the emergency stop."
     common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {advice}")
-
-
-def write_places(session: "SessionForecast", target: Path) -> None:
-    """Write the places of a layout as a file to be filled in; "-" shows it.
-
-    Raises UsageError: a layout with distances, or the file exists.
-    """
-    from orthoglide_cal.files.probe_readings import places_csv
-
-    if not session.plan.touches.all():
-        raise UsageError(
-            f"{session.name} holds distances on a printed object: they are not probed.",
-            "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
-            " choose a layout without distances: --layout bed-13",
-        )
-    advice = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
-    message = f"{len(session.plan)} places written to {target}: {session.what}. {advice}"
-    common.put(places_csv(session.plan), target, message)

@@ -16,7 +16,7 @@ def solve(
 ) -> None:
     """Determine the joint offsets, and whether they may be entered."""
     from orthoglide_cal.report.case import Case
-    from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.results import answer_to
 
     def judge(path: str) -> int:

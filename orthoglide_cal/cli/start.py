@@ -97,8 +97,9 @@ def _next(
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.model.linear_delta import LinearDelta
     from orthoglide_cal.model.orthoglide import Orthoglide
-    from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
+    from orthoglide_cal.report.case import Case, measure_again
     from orthoglide_cal.report.document import Instruction
+    from orthoglide_cal.report.documents.answer import decision_notice, to_do
     from orthoglide_cal.results import answer_to
     from orthoglide_cal.results.history import precedes
 

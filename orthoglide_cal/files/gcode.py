@@ -96,17 +96,20 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
         words |= _words(file)
     faults, marlin = Faults(document.path), _MARLIN.search(document.text) is not None
 
+    def one(word: str, usual: float = math.nan) -> float:
+        return words.get(word, (usual,))[0]
+
     def three(code: str, usual: float = 0.0) -> np.ndarray:
-        return np.array([words.get(code + axis, (usual,))[0] for axis in "XYZ"])
+        return np.array([one(code + axis, usual) for axis in "XYZ"])
 
     for letter in "LRH":
         if "M665" + letter not in words:
             remedy = f"Add it to the line M665, or give a file that has it: M665 … {letter}…"
             faults.add(f"M665 with {letter} is missing.", remedy)
     faults.check()
-    arms, radius = np.array(words["M665L"]) * np.ones(3), words["M665R"][0]
+    arms, radius, height = np.array(words["M665L"]) * np.ones(3), one("M665R"), one("M665H")
     if marlin and "M665C" in words:
-        arms += [words.get("M665" + tower, (0.0,))[0] for tower in "ABC"]
+        arms += [one("M665" + tower, 0.0) for tower in "ABC"]
     angles = three("M665") + USUAL_ANGLES_DEG
     if not 0.0 < radius < arms.min():
         what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
@@ -117,13 +120,10 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     if marlin:
         probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
         # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
-        on = words.get("M665B", (math.nan,))[0] if "M665C" not in words else math.nan
-        bed = on + _MARGIN_MM
-        endstops = words["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
+        bed = math.nan if "M665C" in words else one("M665B") + _MARGIN_MM
+        endstops = height - three("M666") + np.nan_to_num(probe[2])
     else:
-        probe = three("G31", math.nan)
-        bed = words.get("M665B", (math.nan,))[0]
-        endstops = words["M665H"][0] + three("M666")
+        probe, bed, endstops = three("G31", math.nan), one("M665B"), height + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
     if named := _NAME.search(document.text):
         machine = machine.changed(name=named[1])
@@ -151,8 +151,8 @@ def codes_beside(measured: FileText) -> PrinterFile | None:
     remarks = [Reason.of("settings_beside", names=names)]
     set_on, probed = (_DATE.search(file.text.split("\n", 1)[0]) for file in (files[-1], measured))
     if set_on and probed and HEIGHT_MAP.search(measured.text) and probed[0] < set_on[0]:
-        order = {"date": probed[0], "settings": names[-1], "calibrated": set_on[0]}
-        remarks.append(Reason.of("stale_mesh", order=order))
+        dates = {"date": probed[0], "settings": names[-1], "calibrated": set_on[0]}
+        remarks.append(Reason.of("stale_mesh", order=Reason.of("stale_by_date", **dates)))
     return replace(read_codes(*files), remarks=tuple(remarks))
 
 
@@ -242,8 +242,8 @@ _SETTING = re.compile(r"\b(Height|Radius|[ET][xyz]): ?([-+]?[0-9.]+)")
 _RESULTS = re.compile(r"(?:^|[\s>:])\.\s+((?:c|yz) ?:.*)$")
 _RESULT = re.compile(r"\b(c|x|y|z|yz|zx|xy) ?: ?([-+]?[0-9.]+)")
 # Where G33 probes: at the towers x, y, z and opposite of them [deg].
-_PLACES = (*USUAL_ANGLES_DEG, 30.0, 150.0, 270.0)
-_TURNS = dict(zip(("x", "y", "z", "yz", "zx", "xy"), _PLACES, strict=True))
+_TURNS = dict(zip(("x", "y", "z"), USUAL_ANGLES_DEG, strict=True))
+_TURNS |= {"yz": 30.0, "zx": 150.0, "xy": 270.0}
 # So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
 _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
@@ -255,8 +255,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     The radius of the bed is NaN where the settings before it do not have it. Raises
     InputError: everything that is wrong; no heights, or not their places.
     """
-    faults, offset, remarks = Faults(document.path), np.nan_to_num(settings.probe), list[Reason]()
-    reach = settings.machine.bed_radius_mm - _MARGIN_MM
+    faults, offset = Faults(document.path), np.nan_to_num(settings.probe)
+    reach, remarks = settings.machine.bed_radius_mm - _MARGIN_MM, [*settings.remarks]
     changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
     # Line, x, y and height of each touch; places of G33 are on a circle of radius 1.
     circle, bed = list[Sequence[float]](), list[Sequence[float]]()
@@ -338,7 +338,6 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
         remedy += ", and give all the lines that it prints."
         raise InputError(f"Marlin's output {what}.", remedy, file=document.path)
-    remarks[:0] = settings.remarks
     return replace(
         settings, machine=changes[-1][1], probe=offset, data=data, remarks=tuple(remarks)
     )

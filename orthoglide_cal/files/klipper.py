@@ -408,7 +408,8 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     calibration = options[_CALIBRATION].items()
     first = min((line for option, (line, _) in calibration if _STORED.match(option)), default=0)
     if first > saved:
-        remarks.append(Reason.of("stale_mesh", order={"calibration": first, "mesh": saved}))
+        order = Reason.of("stale_by_line", calibration=first, mesh=saved)
+        remarks.append(Reason.of("stale_mesh", order=order))
     unstated = [axis for axis in ("x_offset", "y_offset") if axis not in options[sensor]]
     if settings.included and unstated:
         remarks.append(Reason.of("offset_not_stated", options=unstated, sensor=sensor))

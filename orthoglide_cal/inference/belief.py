@@ -31,8 +31,13 @@ LIKELY = 5
 
 
 def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
-    """Probability of each hypothesis from ln of its prior times evidence, most probable first."""
+    """Probability of each hypothesis from ln of its prior times evidence, most probable first.
+
+    Raises numpy.linalg.LinAlgError: rounding left no evidence of one.
+    """
     total = float(log_sum(np.array([*log_weight.values()])))
+    if math.isnan(total):
+        raise np.linalg.LinAlgError("the evidence is no number")
     ordered = sorted(log_weight.items(), key=lambda pair: -pair[1])
     return {key: math.exp(value - total) for key, value in ordered}
 

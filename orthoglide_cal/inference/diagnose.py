@@ -14,16 +14,23 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
-from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import describe, fits_of
-from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
+from orthoglide_cal.inference.prediction import (
+    REPEATS,
+    baselines,
+    chance_of_worse,
+    moved_origin,
+    predict_later,
+    repeats,
+)
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
     AssumedSize,
+    Baselines,
     Diagnosis,
     Explanation,
     FoundCause,
@@ -212,6 +219,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
     return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
+# What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
+@np.errstate(invalid="ignore")
 def decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 

@@ -8,6 +8,7 @@ acts without them,
     ln p = ln p0 − ½ ln det(1 + s² G) + ½ mᵀ (1/s² + G)⁻¹ m,   G = Cᵀ S⁻¹ C,  m = Cᵀ S⁻¹ r
 
 S is taken as large as the noise: for each σ of the grid the S of the stated one, times its square.
+The likeliest patterns are described in numbers.
 """
 
 from __future__ import annotations

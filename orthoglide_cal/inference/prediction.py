@@ -21,13 +21,20 @@ from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, wh
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.estimation.methods import fit_offsets
 from orthoglide_cal.inference.data import UNSEEN, Whitened, as_read
-from orthoglide_cal.inference.fit import Fit, HeldOut
+from orthoglide_cal.inference.fit import ENOUGH, Fit, HeldOut, left_out
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Plan, joined, without_zeros
+from orthoglide_cal.model.plan import Floats, Ints, Plan, joined, without_zeros
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
 MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
+
+# Powers of x and y, in addition to what the calibrated parameters do.
+QUARTIC = tuple((i, k - i) for k in (2, 3, 4) for i in range(k + 1))
+TINY = 1e-30  # mm²
+# Correlation from which maps of two dates are no noise; a definition: what repeats then has four
+# times the variance, twice the size, of what does not.
+REPEATS = 0.8
 
 # What a fit says of readings: their mean (n,), their derivatives by the p parameters (n, p), and a
 # root (n + p, u) of the covariance of them and of the parameters, without noise.
@@ -201,3 +208,95 @@ def predict(
         ]),
         np.log([[share] for share, _ in weighted]),
     )  # fmt: skip
+
+
+# --- by what needs no cause: an extension that predicts no better has shown nothing ------------
+
+
+def baselines(
+    white: Whitened, later: Whitened | None, entered: Floats, free: int
+) -> dict[str, float]:
+    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike, where known.
+
+    Args:
+        white: the data.
+        later: other touches, to be predicted; None predicts each patch of the bed from the others.
+        entered: taken off the parameters in between, shape (6,) [mm, deg].
+        free: so many of the parameters, the first ones, are fitted to the later data.
+    """
+    offsets = fit_offsets(white.problem, white.data).offsets_mm
+    place, left, jacobian, _ = _touches(white, offsets)
+    touch = white.plan.touches
+    columns = np.hstack((jacobian, white.plan.zeros[touch], _surface(white, place)))
+    enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
+    if later is None:
+        errors, number = [], np.cumsum(touch) - 1
+        for patch in (patch for patches in left_out(white) for patch in patches):
+            omitted = number[patch[touch[patch]]]
+            rest = np.setdiff1d(np.arange(len(left)), omitted)
+            if omitted.size and enough:
+                terms = np.linalg.lstsq(columns[rest], left[rest])[0]
+                errors.append(left[omitted] - columns[omitted] @ terms)
+        return {"quartic_mm": rms(np.concatenate(errors))} if errors else {}
+    anew = free == offsets.size
+    there, error, then, _ = _touches(later, None if anew else offsets - entered)
+    mapped = unexplained(then[:, :free], error - _interpolated(place, left, there))
+    held = {"earlier_map_mm": rms(mapped)}
+    if enough:
+        terms = np.linalg.lstsq(columns, left)[0]
+        fixed = terms[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
+        predicted = then @ fixed + _surface(white, there) @ terms[-len(QUARTIC) :]
+        held["quartic_mm"] = rms(unexplained(then[:, :free], error - predicted))
+    return held
+
+
+def repeats(white: Whitened, later: Whitened | None = None) -> float | None:
+    """Correlation of the residual maps of two dates, of more the smallest.
+
+    What calibrated parameters leave of the touches of each date; None for few, or of one date.
+    """
+    maps = [
+        (place[dated], left[dated], jacobian[dated])
+        for white_data in (white, later)
+        if white_data is not None and white_data.plan.touches.any()
+        for place, left, jacobian, date in (_touches(white_data),)
+        for day in np.unique(date)
+        for dated in (date == day,)
+    ]
+    correlations = []
+    for (place, left, _), (there, after, then) in pairwise(maps):
+        if min(len(left), len(after)) < ENOUGH * then.shape[1]:
+            return None
+        both = unexplained(then, np.stack((_interpolated(place, left, there), after), axis=1))
+        size = np.sqrt(np.prod((both**2).sum(axis=0)))
+        correlations.append(float(np.prod(both, axis=1).sum() / max(size, TINY)))
+    return min(correlations, default=None)
+
+
+def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Floats, Floats, Ints]:
+    """Places (n, 2), what parameters leave of the touches there (n,), derivatives (n, 6), dates.
+
+    The parameters are those that fit best if None.
+    """
+    plan = white.plan
+    if offsets is None:
+        offsets = fit_offsets(white.problem, white.data).offsets_mm
+    readings, jacobian = differentiate(white.problem.model, offsets, plan, ())
+    left = white.plain(white.data) / plan.precision - readings
+    touch = plan.touches
+    return plan.spots[touch, :2], left[touch], jacobian[touch], plan.date[touch]
+
+
+def _surface(white: Whitened, place: Floats) -> Floats:
+    """Terms of a quartic surface at places (n, 2), shape (n, 12)."""
+    x, y = (place / np.abs(white.plan.spots[:, :2]).max()).T
+    return np.stack([x**across * y**along for across, along in QUARTIC], axis=1)
+
+
+def _interpolated(place: Floats, value: Floats, there: Floats) -> Floats:
+    """Values (n,) of places (n, 2), between them; outside that of the nearest, shape (m,)."""
+    from scipy.interpolate import griddata
+
+    nearest = griddata(place, value, there, "nearest")
+    between = griddata(place, value, there, "linear") if len(place) > 3 else nearest
+    return np.where(np.isnan(between), nearest, between)

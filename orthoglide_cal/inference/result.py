@@ -1,12 +1,13 @@
 """The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
@@ -14,7 +15,6 @@ from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
-from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.model.cause import Effect, Estimate
@@ -212,6 +212,25 @@ class UnshownFault(Schema):
     matters: bool = Field(description="a parameter changes by more than U: nothing is released")
 
 
+class Baselines(Schema):
+    """Held-out errors of a printer: of its extension, and of what needs no cause."""
+
+    parameters_mm: float = Field(description="of the calibrated parameters alone")
+    extension_mm: float = Field(description="with the carried shape, or causes, and motions")
+    quartic_mm: float | None = Field(None, description="with a carried quartic surface")
+    earlier_map_mm: float | None = Field(None, description="with the map of the first date")
+    repeats: float | None = Field(None, description="correlation of the maps of several dates")
+
+    @computed_field(description="what predicts better than extension and parameters, if anything")
+    @property
+    def better(self) -> Literal["quartic", "earlier_map"] | None:
+        best: Literal["quartic", "earlier_map"] | None = None
+        least = min(self.parameters_mm, self.extension_mm)
+        if self.quartic_mm is not None and self.quartic_mm < least:
+            best, least = "quartic", self.quartic_mm
+        return "earlier_map" if (self.earlier_map_mm or math.inf) < least else best
+
+
 class TimesStated(Schema):
     """A cause that would explain everything, but only far beyond its plausible size."""
 
@@ -366,8 +385,3 @@ class Diagnosis(ReadOnly):
             if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
         }
         return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
-
-    @property
-    def spare(self) -> int:
-        """Number of readings beyond the unknowns of the answer."""
-        return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)

@@ -405,6 +405,12 @@ class Machine(Schema):
         return self.changed(report=owner.report.changed(**texts), gauges=tuple(gauges.values()))
 
     @property
+    def common_unit(self) -> str:
+        """Unit of all parameters, as it follows a title; "" where they have several."""
+        units = {*self.parameter_units}
+        return f", {units.pop()}" if len(units) == 1 else ""
+
+    @property
     def homing_std_mm(self) -> float:
         """`homing_mm`, or what is usual."""
         return stated_or(self.homing_mm, HOMING_MM)[0]

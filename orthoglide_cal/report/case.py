@@ -5,21 +5,22 @@ next steps, and the facts about machine, gauges and circumstances, in the words 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import zip_longest
 from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import UnusableResultError, command
-from orthoglide_cal.files.input import Input, adjustments_by
+from orthoglide_cal.errors import command
+from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Vocabulary
-from orthoglide_cal.model.measured import DataKind, Differences, Source
+from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Answer, CheckReading, Identity, Validity, recording
-from orthoglide_cal.results.answer import InputFile
+from orthoglide_cal.results.answer import THEN, InputFile
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
@@ -64,12 +65,6 @@ class Case:
         return self.given.measured.source
 
     @property
-    def invalidating(self) -> str:
-        """Why released parameters may be worthless, in one sentence; "" where nothing says so."""
-        worst = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
-        return next(map(self.says, worst), "")
-
-    @property
     def machine(self) -> Machine:
         """The machine that they are judged by."""
         return self.given.model.machine
@@ -84,13 +79,6 @@ class Case:
         if CAUSES[id].hides_reading and parameters > 1:
             return f"{parameters} readings are wrong"
         return CAUSES[id].words(self.machine).title
-
-    @property
-    def shape(self) -> str:
-        """Id of the cause that stands for any shape where nothing tells what makes it, or ""."""
-        measured = self.given.measured
-        flat = not isinstance(measured, Differences) and measured.plan.flat
-        return self.machine.shape if flat else ""
 
     def says(self, reason: Reason) -> str:
         """The sentence for a reason, in the words of this kind of machine."""
@@ -115,17 +103,12 @@ class Case:
         return (*(effect.cause for effect in self.given.model.remaining()), *lasting)
 
     @property
-    def about(self) -> str:
-        """Machine, data, and a method that was asked for, at the end of the first line."""
-        answer = self.answer
-        data = data_words(self.source, answer.input.kind, answer.input.readings)
-        parts = [answer.machine.name, data]
-        if self._method is not None:
-            parts.append(f"method {self._method}")
-        return ", ".join(parts)
+    def data_words(self) -> str:
+        """How much of what was measured."""
+        return data_words(self.source, self.answer.input.kind, self.answer.input.readings)
 
     @property
-    def _method(self) -> str | None:
+    def method(self) -> str | None:
         """The method, if another one than the usual was asked for."""
         method = self.answer.method
         return None if method == self.answer.input.kind else method
@@ -137,29 +120,26 @@ class Case:
         if verb == "diagnose" and self.source.earlier:
             paths = [*self.source.earlier, *paths]
             given.append("--together")
-        if self._method is not None and verb in _TAKING_METHODS:
-            given.append(f"--method {self._method}")
+        if self.method is not None and verb in _TAKING_METHODS:
+            given.append(f"--method {self.method}")
         given += filter(None, options)
         if verb in _DIAGNOSING:
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         paths += filter(None, [other])
         return command(verb, *paths, machine=self.machine_file, options=" ".join(given))
 
-    def more(self, verb: str) -> doc.Line:
-        """Where the rest stands."""
-        return "More: ", doc.typed(self.typed(verb, "--details"))
-
-    def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
-        """Steps instead of entering the parameters; with `verb` only those with that command."""
-        following, steps = self.answer.next_measurement, []
+    def remedies(self, *verbs: str) -> Iterator[doc.Instruction]:
+        """Steps instead of entering the parameters, and about causes; with `verbs` only those."""
+        steps = []
         for remedy in self.answer.release.remedies:
-            typed = self.typed(remedy.verb, remedy.options) if remedy.verb else None
-            if following and remedy.sentence == following.what:
-                typed = self.further(following.session)
-            steps.append((self.says(remedy.sentence), typed, remedy.verb))
-        for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
-            if verb in (None, run):
-                yield doc.Instruction(text, typed)
+            verb, typed = remedy.verb, None
+            if verb in (THEN, "measure"):
+                typed = self.further(None if verb == THEN else remedy.options)
+            elif verb is not None:
+                typed = self.typed(*verb.split(), remedy.options)
+            if not verbs or verb in verbs:
+                steps.append(doc.Instruction(self.says(remedy.sentence), typed))
+        yield from dict.fromkeys(steps)  # two reasons may have one remedy
 
     @property
     def verify(self) -> str:
@@ -192,95 +172,9 @@ class Case:
     @property
     def table(self) -> str | None:
         """The command for a table that corrects what offsets leave; None where none would."""
+        left = "remains" in self.answer.release.codes
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
-        return self.typed("export", "--format table") if known and self.answer.remains else None
-
-
-def decision_notice(case: Case) -> doc.Notice:
-    """The decision and what it rests on; its mark is the same on every screen and page."""
-    answer, release, many = case.answer, case.answer.release, case.words.many
-    judged, cautions = answer.judgement, release.cautions
-    tone, title, reasons = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
-    lines = []
-    if not answer.parameters:
-        title = "There is no result"
-        if reasons[0].code == "settings_unknown":
-            title, reasons = case.says(reasons[0]).rstrip("."), reasons[1:]
-    elif release.settled:
-        title, reasons = NOT_NEEDED, cautions
-        if judged and judged.code == "residuals_unusual":
-            reasons = (judged, *cautions)
-        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
-        value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
-        size = size_words(value, expanded, unit)
-        lines = [f"Largest change {size}; the differences would not become smaller."]
-    elif release.usable:
-        title = f"The {many} may be entered{', with care' if cautions else ''}"
-        reasons = cautions or tuple(filter(None, [judged]))
-    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
-        tone = doc.Tone.OPEN
-    if release.usable:
-        tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
-    else:
-        worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
-        reasons = (*reasons, *(e for e in worst if e not in reasons))
-    lines += map(case.says, reasons)
-    if first := case.invalidating:
-        lines = [f"{title}.", *(line for line in lines if line != first)]
-        title = first.rstrip(".")
-    return doc.Notice(tone, title, tuple(lines), case.about)
-
-
-def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
-    """Next steps; `brief`: those that one screen has room for."""
-    release, verdict = case.answer.release, case.answer.verdict
-    causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-    if adjustments_by(case.source.path):
-        from orthoglide_cal.session.adjusting import check_not_adjusted
-
-        try:
-            check_not_adjusted(case.source, case.machine_file)
-        except UnusableResultError as error:
-            yield doc.Instruction(str(error))
-            return
-    if release.settled:
-        if case.words.measure or case.machine.layouts():
-            yield doc.Instruction("See which further readings would help", case.typed("plan"))
-    elif release.usable:
-        yield from _entering(case, brief)
-    else:
-        yield from case.remedies("measure" if brief and causes else None)
-    if brief and causes:
-        decided = verdict is Verdict.NAMED
-        see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
-        yield doc.Instruction(see, case.typed("diagnose"))
-
-
-def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
-    words, check, excerpt = case.words, case.answer.check, case.source.excerpt
-    format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
-    # No line of simulated readings is for a controller.
-    export = None if case.answer.simulated else case.typed("export", f"--format {format}")
-    recorded = recording(case.given)
-    if recorded == "done":
-        yield doc.Instruction(
-            f"The machine file records that the {words.many} are entered. {words.restart}"
-        )
-    elif case.record is not None:
-        yield doc.Instruction(f"{words.entering}, then", case.record)
-    elif export:
-        yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if export and not brief and recorded not in ("done", "elsewhere"):
-        yield doc.Instruction("Or print the lines for the controller's file", export)
-    if check is not None:
-        yield doc.Instruction(check_words(check))
-    if case.table is not None and not brief:
-        yield doc.Instruction("Correct the remaining errors with a table", case.table)
-    if words.measure:
-        again = measure_again(case.given.conditions, case.machine_file)
-        yield doc.Instruction("Measure again", again)
-    if case.record is None or not brief:
-        yield doc.Instruction(words.compare, case.verify)
+        return self.typed("export", "--format table") if known and left else None
 
 
 def check_words(check: CheckReading) -> str:
@@ -312,13 +206,11 @@ def sizes_words(sizes: Iterable[tuple[str, float, float, str]]) -> str:
     >>> sizes_words([("x", 0.5, 0.02, "mm"), ("y", -0.1, 0.02, "mm"), ("angle_a", 1.0, 0.0, "deg")])
     'x +0.500 ± 0.020, y −0.100 ± 0.020 mm, angle_a +1 deg'
     """
-    rows = [*sizes]
-    units = [unit for *_, unit in rows]
-    last = [
-        unit if unit != later else "" for unit, later in zip(units, [*units[1:], ""], strict=True)
-    ]
-    named = zip(rows, last, strict=True)
-    return ", ".join(f"{name} {size_words(value, u, unit)}" for (name, value, u, _), unit in named)
+    texts, rows = [], [*sizes]
+    for (name, value, expanded, unit), later in zip_longest(rows, rows[1:]):
+        last = later is None or later[-1] != unit
+        texts.append(f"{name} {size_words(value, expanded, unit if last else '')}")
+    return ", ".join(texts)
 
 
 def position_words(tool_mm: Sequence[float], decimals: int) -> str:
@@ -376,7 +268,7 @@ def signed_page(
     simulated = any(validity.simulated for _, validity in inputs)
     number = ("Number", doc.code(identity.number))
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
-    first, *later = (dict(_conditions(*recorded, machine.noted)) for recorded in inputs)
+    first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
     if later:
@@ -404,9 +296,7 @@ def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     return replace(notice, lines=(*notice.lines, *map(doc.doubtful, reservations)))
 
 
-def _conditions(
-    of: InputFile, validity: Validity, noted: Sequence[str]
-) -> Iterator[tuple[str, doc.Blank]]:
+def _conditions(of: InputFile, validity: Validity, noted: Sequence[str]) -> dict[str, doc.Blank]:
     """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
     gauges: list[doc.Inline] = []
     for gauge in validity.gauges:
@@ -420,13 +310,13 @@ def _conditions(
     known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
     temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
     rows: dict[str, doc.Blank] = {
+        "measured": moment(validity.measured),
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(temperatures) or None,
         "operator": validity.operator and doc.given(validity.operator),
+        "data": (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12])),
     }
-    yield "measured", moment(validity.measured)
-    yield from ((name, row) for name, row in rows.items() if name in noted)
-    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12]))
+    return {name: row for name, row in rows.items() if name in ("measured", "data", *noted)}
 
 
 def moment(written: str | None) -> doc.Marked | None:

@@ -30,7 +30,6 @@ from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
-from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import FIRMWARES
 from orthoglide_cal.results import Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
@@ -79,7 +78,7 @@ def exported(format: str, case: Case, identity: Identity) -> str:
 def _text(case: Case) -> Iterator[str]:
     """For any controller: "the controller says X, truly Y"."""
     answer, home, digits = case.answer, case.machine.home_mm, case.answer.decimals
-    unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
+    unit, rows = case.machine.common_unit, [("", "previous", "change", "U", "enter")]
     for row in answer.parameters:
         name = row.name if unit else f"{row.name}, {row.unit}"
         change = typed(row.change(digits), digits) if row.determined else "unknown"

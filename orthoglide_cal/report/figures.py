@@ -45,9 +45,7 @@ class Scale:
         return cls(low - room, high + room, start, end)
 
     def __call__(self, value: float) -> float:
-        """Place of a value; the middle if the scale has no length."""
-        if self.high == self.low:
-            return (self.start + self.end) / 2.0
+        """Place of a value."""
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
     def ticks(self) -> list[tuple[float, str, str]]:

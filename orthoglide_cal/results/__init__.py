@@ -1,7 +1,7 @@
 """What a technician is told: may the offsets be entered, which, how sure, what is left."""
 
 from orthoglide_cal.inference import Parameter
-from orthoglide_cal.results.answer import Answer, CheckReading, Release, Remedy
+from orthoglide_cal.results.answer import RETAKE, Answer, CheckReading, Release, Remedy
 from orthoglide_cal.results.application import (
     Application,
     Correction,

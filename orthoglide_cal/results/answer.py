@@ -29,7 +29,10 @@ from orthoglide_cal.inference import (
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
-from orthoglide_cal.schema import Schema, Sentence
+from orthoglide_cal.schema import Reason, Schema, Sentence
+
+# Verbs of remedies: measure further after these readings; replace some of them.
+THEN, RETAKE = "measure --then", "measure --resume"
 
 
 class InputFile(Schema):
@@ -58,14 +61,19 @@ class MachineName(Schema):
 
 
 class Remedy(Schema):
-    """Something to do instead of entering the result.
+    """Something to do about the result, or instead of entering it.
 
-    `sentence` ends with a colon where a command about the same file follows: `verb`, `options`.
+    `sentence` ends with a colon where its command follows: `verb` and `options` are those of a
+    command about the same file; "measure" alone begins a session of its own.
     """
 
     sentence: Sentence
     verb: str | None = None
     options: str = ""
+
+    @classmethod
+    def of(cls, code: str, verb: str | None = None, options: str = "", **data: object) -> Self:
+        return cls(sentence=Reason.of(code, **data), verb=verb, options=options)
 
 
 class Release(Schema):
@@ -73,7 +81,7 @@ class Release(Schema):
 
     reasons: tuple[Sentence, ...] = Field((), description="why not; empty if they may be")
     cautions: tuple[Sentence, ...] = Field((), description="what to know although they may be")
-    remedies: tuple[Remedy, ...] = Field((), description="what to do instead")
+    remedies: tuple[Remedy, ...] = Field((), description="what to do instead, or about causes")
     sound: bool = Field(True, description="false: no parameters, or they fail their own check")
     needed: bool = Field(
         True, description="false: entering nothing loses least, the controller keeps what it has"
@@ -100,8 +108,6 @@ class Alone(Schema):
 
     parameters: tuple[Parameter, ...]
     rms_after_mm: float
-    wrong_by: float = Field(description="largest difference to those with the causes, in `unit`")
-    unit: str
 
 
 class Residue(Schema):
@@ -193,8 +199,6 @@ class CheckReading(Schema):
     direction: str
     first_mm: tuple[float, ...] = Field(description="tool position of the first reading")
     second_mm: tuple[float, ...]
-    first_joints_mm: tuple[float, ...]
-    second_joints_mm: tuple[float, ...]
     ends: bool = Field(description="the gauge moves from joint to tool end instead")
     gauge_mm: float | None = Field(description="from the carriage joint along the leg; null: both")
     before_mm: float
@@ -243,7 +247,6 @@ class Answer(Schema):
     deviations: tuple[PromisedDifference, ...] = ()
     as_found: Spread | None = Field(None, description="of the deviations as measured")
     expected: Spread | None = Field(None, description="of the deviations after entering")
-    remains: bool = Field(False, description="more will be left than U allows")
     budget: tuple[Contribution, ...] = ()
     total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
@@ -284,6 +287,11 @@ class Answer(Schema):
     @property
     def simulated(self) -> bool:
         return self.validity.simulated
+
+    @property
+    def beyond(self) -> tuple[FoundPattern, ...]:
+        """The patterns of the likeliest state beyond the list."""
+        return tuple(pattern for pattern in self.patterns if pattern.accepted)
 
     @property
     def named(self) -> Ids:

@@ -51,7 +51,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
-from orthoglide_cal.results.answer import Release, Remedy
+from orthoglide_cal.results.answer import RETAKE, THEN, Release, Remedy
 from orthoglide_cal.results.validity import validity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import entered_decimals
@@ -63,6 +63,13 @@ _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
     *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
+
+# What other data of the same file, judged alone, say where they do not contradict.
+_ALONE: Mapping[Verdict | None, str] = {
+    Verdict.NAMED: "alone_named",
+    Verdict.AMBIGUOUS: "alone_ambiguous",
+    Verdict.UNEXPLAINED: "alone_unexplained",
+}
 
 
 def answer_to(
@@ -89,21 +96,24 @@ def answer_to(
             answer says so.
     """
     measured, model = given.measured, given.model
-    file, conditions = schema.InputFile.of(given), validity(given)
-    machine = model.machine
-    name = schema.MachineName(name=machine.name, kind=machine.kind)
+    machine, conditions = model.machine, validity(given)
+    known = {
+        "input": schema.InputFile.of(given),
+        "machine": schema.MachineName(name=machine.name, kind=machine.kind),
+        "validity": conditions,
+    }
     try:
         require_settings(measured)
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
         solution = fit_parameters(measured, model, method) if method else diagnosis.alone
         solution.require_possible()
     except UnusableResultError as error:
-        remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
         excerpt = measured.source.excerpt
         unknown = excerpt is not None and excerpt.unknown
         reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
-        refused = Release(reasons=(reason,), remedies=remedy, sound=False)
-        return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
+        remedies = (Remedy.of("do", what=error.remedy),) if error.remedy else ()
+        refused = Release(reasons=(reason,), remedies=remedies, sound=False)
+        return schema.Answer(**known, release=refused)
     following = None
     if diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
@@ -113,8 +123,7 @@ def answer_to(
     decision = release(solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
     if kept and diagnosis.verdict is not Verdict.CONSISTENT:
-        again = Reason.of("retake", kept=kept)
-        retake = Remedy(sentence=again, verb="measure", options="--resume")
+        retake = Remedy.of("retake", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
     alone, diagnosed_as = widened(given, solution, diagnosis), None
     if diagnosis.verdict is not Verdict.CONSISTENT:
@@ -124,25 +133,23 @@ def answer_to(
     chosen = shown_as or alone
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real = (diagnosed_as if named else None) or chosen
-    budget, std = chosen.budget, chosen.budget.std_mm
+    budget, offsets_only = chosen.budget, parameters_of(alone)
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    offsets_only = parameters_of(alone)
     parameters = parameters_of(shown_as) if shown_as else offsets_only
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
     others = tuple(answer_to(other, method, details=details) for other in asked)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
-    right = diagnosis.put_right
     change = np.array([parameter.change(decimals) for parameter in parameters])
-    rows = promise(measured, real, change, right)
+    rows = promise(measured, real, change, diagnosis.put_right)
     shown_budget = shown_as.budget if shown_as else solution.budget
     if decision.usable and _within_noise(model, chosen, shown_budget):
         # What would change then; the differences become no smaller where U allows for all of it.
         gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
         if gain <= sum(row.expanded_mm**2 for row in rows):
             decision = decision.changed(needed=False)
-            rows = promise(measured, real, 0.0 * change, right)
+            rows = promise(measured, real, 0.0 * change, diagnosis.put_right)
     if decision.usable:
         parameters = tuple(
             parameter.changed(
@@ -154,63 +161,56 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    left_mm = solution.at(chosen.offsets_mm).rms_after_mm if shown_as else solution.rms_after_mm
-    if shown_as:
-        if named and diagnosis.causes:
-            left_mm = diagnosis.causes[0].rms_after_mm
-        elif any(pattern.accepted for pattern in diagnosis.patterns):
-            left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
-    judged = _left_over(solution, diagnosis)
-    shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
+    left_mm = solution.rms_after_mm
+    if shown_as and named:
+        left_mm = diagnosis.causes[0].rms_after_mm
+    elif shown_as and any(pattern.accepted for pattern in diagnosis.patterns):
+        left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+    elif shown_as:
+        left_mm = solution.at(chosen.offsets_mm).rms_after_mm
+    p_value, scatter_mm, stated_mm = _left_over(solution, diagnosis)
     lines, total = budget_lines(budget)
-    workspace, covariance = None, budget.covariance_mm2
+    workspace, std = None, budget.std_mm
     if details:
         with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
-            workspace = workspace_error(real.model, chosen.offsets_mm, covariance, budget.k)
-    correlation = covariance / np.outer(std, std)
+            at_most = budget.covariance_mm2, budget.k
+            workspace = workspace_error(real.model, chosen.offsets_mm, *at_most)
+    correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
     return schema.Answer(
+        **known,
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
-        input=file,
-        machine=name,
         method=solution.method,
-        judgement=judgement_of(*judged),
+        judgement=judgement_of(p_value, scatter_mm, stated_mm),
         release=decision,
-        validity=conditions,
         parameters=parameters,
         decimals=decimals,
         k=budget.k,
         dof=None if budget.dof >= NORMAL_DOF else round(budget.dof),
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
-        alone=schema.Alone(
-            parameters=offsets_only,
-            rms_after_mm=solution.rms_after_mm,
-            wrong_by=float(shift.max()),
-            unit=machine.parameter_units[int(np.argmax(shift))],
-        )
-        if named and shown_as is not None
+        alone=schema.Alone(parameters=offsets_only, rms_after_mm=solution.rms_after_mm)
+        if named and shown_as
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
             repeats_mm=solution.repeats.sigma_mm if solution.repeats else None,
-            residuals_mm=judged[1],
-            stated_mm=model.machine.instrument.noise_mm,
-            floor_mm=model.machine.instrument.rounding_mm,
+            residuals_mm=scatter_mm,
+            stated_mm=machine.instrument.noise_mm,
+            floor_mm=machine.instrument.rounding_mm,
             dof=solution.dof,
-            p_value=judged[0],
+            p_value=p_value,
         ),
         deviations=rows,
         as_found=spread({row.name: row.measured_mm for row in rows}) if rows else None,
         expected=spread({row.name: row.expected_mm for row in rows}) if rows else None,
         budget=lines,
         total=total,
-        remains=stays(rows),
         converged=solution.converged,
         residuals=tuple(_residuals(measured, solution, diagnosis)) if details or shown_as else (),
         undetermined=tuple(_undetermined(model, parameters)),
-        check=_check(given, solution, rows, budget.k) if decision.needed else None,
+        check=_check(given, solution, rows, budget.k) if rows and decision.needed else None,
         ruled_out=model.ruled_out,
         workspace=workspace,
         holdout=holdout,
@@ -318,10 +318,11 @@ def _with_others(
         stale = any(reservation.code == "stale_mesh" for reservation in other.validity.reservations)
         if apart and not stale:
             reasons.append(Reason.of("other_data_contradict", data=data, apart=apart))
-            remedies.append(Remedy(sentence=Reason.of("probe_both")))
+            remedies.append(Remedy.of("probe_both"))
         elif apart or not other.release.usable:
             ids = tuple(cause.id for cause in other.causes)
-            cautions.append(Reason.of("other_data", data=data, verdict=other.verdict, ids=ids))
+            judged = Reason.of(_ALONE.get(other.verdict, "alone_refused"), ids=ids)
+            cautions.append(Reason.of("other_data", data=data, judged=judged))
     if reasons:
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     return decision.changed(cautions=(*decision.cautions, *cautions))
@@ -353,74 +354,69 @@ def _residuals(
     measured: Measured, solution: Solution, diagnosis: Diagnosis
 ) -> Iterator[schema.Residual]:
     """Every reading, in the order of the file."""
-    with_causes: list[float | None] = [None] * len(measured)
     patterns = [one for one in diagnosis.patterns if one.accepted]
-    if diagnosis.causes or patterns:
-        with_causes = [*diagnosis.explained_mm.tolist()]
-    values = zip(measured.value.tolist(), solution.predicted_mm.tolist(), with_causes, strict=True)
-    in_time, moved = np.arange(len(measured)), np.full(len(measured), np.nan)
+    explained = diagnosis.explained_mm.tolist() if diagnosis.causes or patterns else None
+    modelled, in_time = solution.predicted_mm.tolist(), np.arange(len(measured))
+    moved = np.full(len(measured), np.nan)
     if not isinstance(measured, Differences):
         in_time, (rows, first) = measured.plan.in_time, measured.plan.sequence
         moved[rows] = np.where(first, np.nan, np.diff(measured.value[rows], prepend=0.0))
-    order, weight = (np.argsort(in_time, kind="stable") + 1).tolist(), measured.weight.tolist()
-    travel = [None if math.isnan(way) else way for way in moved.tolist()]
-    for k, (value, modelled, explained) in enumerate(values):
+    order = np.argsort(in_time, kind="stable") + 1
+    for k, value in enumerate(measured.value.tolist()):
         if isinstance(measured, Differences):
             which = measured.which[k]
             leg, direction = (AXES[axis] for axis in which.series)
             place: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
         else:
-            warm = float(measured.temperature[k])
             place = {
                 "cycle": int(measured.cycle[k]),
-                "weight": weight[k],
+                "weight": float(measured.weight[k]),
                 "posture": measured.posture[k] or None,
                 **measured.plan.entry(k),
-                "moved_mm": travel[k],
-                "temperature_c": None if math.isnan(warm) else warm,
+                "moved_mm": _number(moved[k]),
+                "temperature_c": _number(measured.temperature[k]),
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
                 "wrong": k in diagnosis.wrong_readings,
             }
-        left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
-        yield schema.Residual.model_validate({**place, "order": order[k], **left})
+        both = explained[k] if explained else None
+        left = {"measured_mm": value, "modelled_mm": modelled[k], "with_causes_mm": both}
+        yield schema.Residual.model_validate({**place, "order": int(order[k]), **left})
+
+
+def _number(value: float) -> float | None:
+    """None where it is not known."""
+    return None if math.isnan(value) else float(value)
 
 
 def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
     """Parameters, and what no reading of this kind determines: taken as the controller has it."""
-    for parameter in parameters:
-        if not parameter.determined:
-            yield schema.Undetermined(
-                name=parameter.name, within=parameter.expanded, unit=parameter.unit
-            )
+    unsure = [(one.name, one.expanded, one.unit) for one in parameters if not one.determined]
     known = {effect.cause.id for effect in model.accepted}
-    for cause in (CAUSES[id] for id in model.machine.fixed_parameters if id not in known):
-        yield schema.Undetermined(name=cause.id, within=cause.size(model.machine), unit=cause.unit)
+    fixed = (CAUSES[id] for id in model.machine.fixed_parameters if id not in known)
+    unsure += [(cause.id, cause.size(model.machine), cause.unit) for cause in fixed]
+    for name, within, unit in unsure:
+        yield schema.Undetermined(name=name, within=within, unit=unit)
 
 
 def _check(
     given: Input, solution: Solution, promised: Sequence[PromisedDifference], k: float
-) -> schema.CheckReading | None:
+) -> schema.CheckReading:
     """The difference that the offsets change most: it shows whether they were entered."""
-    if not promised:
-        return None
     row = max(promised, key=lambda row: abs(row.measured_mm - row.expected_mm))
     machine = given.model.machine
     series, posture = next(e for e in chain(*DIFFERENCES.values()) if e.name == row.name)
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
-    moved = [machine.displacement_mm(end) for end in ends]
-    tools = [tuple(value if axis == series.leg else 0.0 for axis in range(3)) for value in moved]
-    joints = [tuple(machine.joints_at(series.leg, value).tolist()) for value in moved]
+    tools = np.zeros((2, len(AXES)))
+    tools[:, series.leg] = [machine.displacement_mm(end) for end in ends]
     sigma = max(solution.noise.sigma_mm, machine.instrument.noise_mm)
     return schema.CheckReading(
         what=row.name,
         leg=AXES[series.leg],
         direction=AXES[series.direction],
-        first_mm=tools[0],
-        second_mm=tools[1],
-        first_joints_mm=joints[0],
-        second_joints_mm=joints[1],
+        first_mm=tuple(tools[0].tolist()),
+        second_mm=tuple(tools[1].tolist()),
         ends=posture is not None,
         gauge_mm=None if posture else 0.5 * machine.leg_mm,
         before_mm=row.measured_mm,
@@ -459,33 +455,27 @@ def release(
         corrects: as of `answer_to`.
     """
     failures = tuple(_failures(solution))
-    patterns = [one for one in diagnosis.patterns if one.accepted]
-    if diagnosis.verdict is Verdict.CONSISTENT:
-        judged = Release()
-    elif diagnosis.verdict is Verdict.NAMED:
-        judged = _named(solution, diagnosis, corrects)
+    judged = Release()
+    if diagnosis.verdict is Verdict.NAMED:
+        judged = _named(solution, diagnosis, following, corrects)
     elif diagnosis.verdict is Verdict.AMBIGUOUS:
         judged = _ambiguous(diagnosis, following)
-    elif failures:
-        # What the check found is the explanation.
-        judged = Release()
-    elif not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
-        judged = Release(cautions=(Reason.of("beyond_list", patterns=patterns),))
-    else:
-        lack, beyond = diagnosis.lack_of_fit, bool(diagnosis.beyond_tolerance)
-        sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
-        reason = diagnosis.refuted or Reason.of("unexplained", beyond=beyond, **sizes)
-        advice = [Reason.of("beyond_remedy", pattern=one) for one in patterns]
-        advice = advice or [Reason.of("again")]
-        judged = Release(reasons=(reason,), remedies=tuple(Remedy(sentence=a) for a in advice))
-    if not failures:
-        more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
-        return judged.changed(cautions=(*judged.cautions, *more))
-    return Release(
-        reasons=(*(reason for reason, _ in failures), *judged.reasons),
-        remedies=(*(remedy for _, remedy in failures), *judged.remedies),
-        sound=False,
-    )
+    elif diagnosis.verdict is Verdict.UNEXPLAINED and not failures:
+        judged = _unexplained(diagnosis)  # else what the check found is the explanation
+    if failures:
+        reasons, remedies = zip(*failures, strict=True)
+        if judged.reasons:
+            reasons, remedies = (*reasons, *judged.reasons), (*remedies, *judged.remedies)
+        return Release(reasons=reasons, remedies=remedies, sound=False)
+    remedies, beside = judged.remedies, diagnosis.baselines
+    if beside and beside.better and diagnosis.causes:
+        # What needs no cause predicts better.
+        code, mm = "keep_mesh", beside.earlier_map_mm
+        if beside.better == "quartic":
+            code, mm = "make_mesh", beside.quartic_mm
+        remedies = (Remedy.of(code, mm=mm, extension_mm=beside.extension_mm), *remedies)
+    more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
+    return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)
 
 
 def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
@@ -519,67 +509,120 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     """Objections of the solution's own check, each with what to do."""
     machine = solution.model.machine
     if not solution.converged:
-        check = Remedy(sentence=Reason.of("validate"), verb="validate")
-        yield Reason.of("not_converged"), check
+        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
         return
-    columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
-    parameters = zip(*columns, machine.plausible, strict=True)
-    beyond = [parameter for parameter in parameters if abs(parameter[2]) > parameter[3]]
-    if beyond:
-        yield Reason.of("implausible", values=beyond), Remedy(sentence=Reason.of("recheck"))
-    if names := [size.name for size in parameters_of(solution) if not size.determined]:
-        more = Remedy(sentence=Reason.of("more_readings"))
-        yield Reason.of("undetermined", names=names), more
+    sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
+    rows = zip(sizes, offsets, machine.plausible, strict=True)
+    if beyond := [row for row in rows if abs(row[1]) > row[2]]:
+        values = [(size.name, offset, size.unit) for size, offset, _ in beyond]
+        limits = [(most, size.unit) for size, _, most in beyond]
+        yield Reason.of("implausible", values=values, limits=limits), Remedy.of("recheck")
+    if names := [size.name for size in sizes if not size.determined]:
+        yield Reason.of("undetermined", names=names), Remedy.of("more_readings")
     for doubt in machine.instrument.doubts(solution.measured):
-        remedy = Remedy(sentence=Reason.of("check_gauge", doubt=doubt))
-        yield Reason.of("gauge_doubt", doubt=doubt), remedy
+        yield Reason.of("gauge_doubt", doubt=doubt), Remedy.of("check_gauge", doubt=doubt)
+
+
+def _unexplained(diagnosis: Diagnosis) -> Release:
+    patterns = [one for one in diagnosis.patterns if one.accepted]
+    remedies = tuple(Remedy.of("beyond_remedy", THEN, pattern=one) for one in patterns)
+    if not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
+        return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
+    lack = diagnosis.lack_of_fit
+    sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
+    reason = diagnosis.refuted or Reason.of("unexplained", **sizes)
+    return Release(reasons=(reason,), remedies=remedies or (Remedy.of("again"),))
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
-    data = {
-        "ids": [cause.id for cause in diagnosis.causes],
-        "rivals": diagnosis.rivals,
-        "sound": nothing_wrong(diagnosis.explanations) is not None,
-    }
-    few = diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0
-    reasons = Reason.of("undecided", **data), *([Reason.of("few_readings")] * few)
-    advice = [Reason.of("do", what=cause.remedy) for cause in diagnosis.causes]
-    if few or not (following or advice):
-        advice = [Reason.of("more_readings")]
-    elif following:
-        advice = [following.what]
-    return Release(reasons=reasons, remedies=tuple(Remedy(sentence=a) for a in advice))
+    """Not released; what is wrong in any case comes first, then what decides."""
+    ids = [cause.id for cause in diagnosis.causes]
+    sound = nothing_wrong(diagnosis.explanations) is not None
+    reasons = [Reason.of("undecided", answers=(ids, *diagnosis.rivals), sound=sound)]
+    left_open = (set(fit.ids) for _, fit in diagnosis.left_open)
+    sure = set() if sound else set.intersection(*left_open)
+    remedies = [
+        Remedy.of("do", what=cause.remedy)
+        for cause in diagnosis.causes
+        if cause.id in sure and not cause.in_machine
+    ]
+    spare = diagnosis.lack_of_fit.dof - sum(e.cause.freedom for e in diagnosis.effects)
+    if diagnosis.measured.kind is DataKind.READINGS and spare <= 0:
+        reasons.append(Reason.of("few_readings"))
+        remedies.append(Remedy.of("more_readings"))
+    else:
+        remedies.append(_decisive(diagnosis, following))
+    remedies += [
+        Remedy.of("or", first=Reason.of("do", what=cause.remedy))
+        for cause in diagnosis.causes
+        if cause.where and not cause.in_machine and cause.id not in sure
+    ]
+    beside, shape = diagnosis.baselines, diagnosis.model.machine.shape
+    worth = beside and not beside.better and beside.extension_mm < beside.parameters_mm
+    if worth and shape in (*ids, *diagnosis.ambiguous_with):
+        # What lasts may be carried, whatever its cause.
+        remedies.append(Remedy.of("accept_shape", "diagnose", f"--accept {shape}"))
+    return Release(reasons=tuple(reasons), remedies=tuple(remedies))
 
 
-def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) -> Release:
-    ids, units = [cause.id for cause in diagnosis.causes], solution.model.machine.parameter_units
-    reasons, remedies = [Reason.of("cause_found", ids=ids)], []
-    for fault in diagnosis.unshown:
-        if fault.matters:
-            # Faults that these readings would not show are looked at first.
-            place = {"id": fault.id, "where": fault.where}
-            size = {"change": fault.change, "unit": fault.unit}
-            reasons.append(Reason.of("unshown_fault", **place, **size))
-            look, ruled_out = Reason.of("look", **place), f"--rule-out {fault.id}"
-            remedies.append(Remedy(sentence=look, verb="diagnose", options=ruled_out))
-    if remedies:
-        return Release(reasons=tuple(reasons), remedies=tuple(remedies))
+def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy:
+    """The measurement that would decide what is open, or that none would."""
+    if following is not None and following.between:
+        own = following.session
+        verb, options = (THEN, "") if own is None else ("measure", own)
+        return Remedy.of("decides", verb, options, best=following)
+    if not diagnosis.ambiguous_with:
+        return Remedy.of("repeat_once")
+    doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
+    in_machine = (CAUSES[id].in_machine for id in (*doubted, *diagnosis.ambiguous_with))
+    return Remedy.of("none_decides" if any(in_machine) else "leave_out")
+
+
+def _named(
+    solution: Solution,
+    diagnosis: Diagnosis,
+    following: NextMeasurement | None,
+    corrects: Collection[str],
+) -> Release:
+    """Released if the causes move the offsets within U, or the controller corrects them, too."""
+    ids, machine = [cause.id for cause in diagnosis.causes], solution.model.machine
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
-    size = {"change": float(shift.max()), "unit": units[int(np.argmax(shift))]}
-    if np.all(shift <= NORMAL_K * diagnosis.std_mm):
-        return Release(cautions=(Reason.of("within_u", ids=ids, **size),))
-    if all(id in corrects for id in ids):
-        return Release(cautions=(Reason.of("corrected", ids=ids, **size),))
+    largest = int(np.argmax(shift))
+    size = {"change": float(shift[largest]), "unit": machine.parameter_units[largest]}
+    if faults := [fault for fault in diagnosis.unshown if fault.matters]:
+        # Faults that these readings would not show are looked at first.
+        reasons = [Reason.of("cause_found", ids=ids, **size)]
+        remedies = []
+        for fault in faults:
+            place = {"id": fault.id, "where": fault.where}
+            moved = {"change": fault.change, "unit": fault.unit}
+            reasons.append(Reason.of("unshown_fault", **place, **moved))
+            remedies.append(Remedy.of("look", "diagnose", f"--rule-out {fault.id}", **place))
+        if following is not None:
+            decides = _decisive(diagnosis, following)
+            again = Reason.of("or", first=decides.sentence)
+            remedies.append(decides.changed(sentence=again))
+        return Release(reasons=tuple(reasons), remedies=tuple(remedies))
+    remedies = []
     # A slip in the record is looked for sooner than a machine is taken apart.
-    for cause in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
-        remedy = Remedy(sentence=Reason.of("do", what=cause.remedy))
-        if cause.recommended:
-            accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"
-            remedy = Remedy(sentence=accept, verb="diagnose", options=option)
+    for found in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
+        cause = CAUSES[found.id]
+        remedy = Remedy.of("do", what=found.remedy)
+        if found.recommended:
+            remedy = Remedy.of("accept", "diagnose", f"--accept {found.id}", id=found.id)
         remedies.append(remedy)
-        if CAUSES[cause.id].corrected_at_joints(solution.model.machine):
-            let = Reason.of("controller_corrects", id=cause.id)
-            remedies.append(Remedy(sentence=let, verb="apply", options="--to FILE.ini"))
-    probability = diagnosis.causes[0].probability
-    reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
-    return Release(reasons=(reason,), remedies=tuple(remedies))
+        if cause.corrected_at_joints(machine):
+            let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=found.id)
+            remedies.append(let)
+        beyond = any(abs(size.value) > size.expanded for size in found.parameters)
+        if cause.adjustable and beyond:
+            remedies.append(Remedy.of("adjust", "adjust", f"--cause {found.id}"))
+    if np.all(shift <= NORMAL_K * diagnosis.std_mm):
+        caution = Reason.of("within_u", ids=ids, **size)
+    elif all(id in corrects for id in ids):
+        caution = Reason.of("corrected", ids=ids, **size)
+    else:
+        probability = diagnosis.causes[0].probability
+        reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
+        return Release(reasons=(reason,), remedies=tuple(remedies))
+    return Release(cautions=(caution,), remedies=tuple(remedies))

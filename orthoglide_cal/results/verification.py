@@ -170,8 +170,6 @@ class Verification(Schema):
     # Of heights: U with which the two agree if all is as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
-    # Of heights: what the parameters found afterwards would leave.
-    rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     parameters: dict[str, ComparedParameter]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
@@ -353,7 +351,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         entered = np.subtract(later.active, machine.active).round(9).tolist()
     first, second = (_solved(given, given.model)[0] for given in (before, after))
     count, (was, promised), (u_was, u_promised), noise2 = _mean_squares(first)
-    touches, (now, reachable), (u_now, _), _ = _mean_squares(second)
+    touches, (now, _), (u_now, _), _ = _mean_squares(second)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -374,7 +372,6 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         rms_promised_mm=promised_mm,
         rms_expanded_mm=most_mm - promised_mm,
         rms_after_mm=after_mm,
-        rms_reachable_mm=math.sqrt(reachable),
     )
 
 

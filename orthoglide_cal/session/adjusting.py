@@ -82,9 +82,9 @@ class Adjusted(Schema):
     left: bool  # as it is: the operator wished so
 
     @classmethod
-    def of(cls, state: State, adjustment: Adjustment, begin: int) -> "Adjusted":
-        """What a journal has of an adjustment; its first step is the one after `begin`."""
-        steps = dict(enumerate(PHASES, begin + 1))
+    def of(cls, state: State, adjustment: Adjustment, number: int) -> "Adjusted":
+        """What a journal has of an adjustment, the first of which is number 0."""
+        steps = dict(enumerate(PHASES, len(PHASES) * number + 1))
         read = {steps[n]: item.take.value_mm for n, item in state.accepted.items() if n in steps}
         left = not steps.keys().isdisjoint(state.skipped)
         return cls(adjustment=adjustment, readings_mm=read, left=left)
@@ -165,8 +165,7 @@ class AdjustingDialogue(Dialogue):
     @property
     def adjusted(self) -> tuple[Adjusted, ...]:
         """All adjustments as far as they have come."""
-        numbered = enumerate(self.adjustments)
-        return tuple(Adjusted.of(self.state, one, len(PHASES) * k) for k, one in numbered)
+        return tuple(Adjusted.of(self.state, one, k) for k, one in enumerate(self.adjustments))
 
     def greet(self) -> None:
         """Say what is adjusted, in which order."""
@@ -177,14 +176,14 @@ class AdjustingDialogue(Dialogue):
     def run(self) -> State:
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
-            for number, one in enumerate(self.adjusted):
-                steps = self.setting.steps[len(PHASES) * number :][: len(PHASES)]
+            for setup, one in enumerate(self.adjusted, start=1):
+                steps = [step for step in self.setting.steps if step.setup == setup]
                 if one.next:
                     self._ask_for(steps[PHASES.index(one.next)])
                     break
                 if one.status == "check failed":
                     if self._doubted(one):
-                        self._take_again([*steps[-2:]], "check read again")
+                        self._take_again(steps[-2:], "check read again")
                     else:
                         self.write(events.Ended(at=self.now(), reason="a check failed"))
                     break
@@ -392,5 +391,5 @@ def adjusted_since(given: Input) -> Removed:
             _, adjustments = choose_adjustments(diagnosis, following.what)
         _check_same(state, following, adjustments, journal)
         for number, adjustment in enumerate(adjustments):
-            removed += Adjusted.of(state, adjustment, len(PHASES) * number).removed
+            removed += Adjusted.of(state, adjustment, number).removed
     return removed

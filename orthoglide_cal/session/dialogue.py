@@ -261,9 +261,10 @@ class Dialogue:
         may_move = pending.doubt.compares and not pending.about
         value = wording.value_text(pending.value_mm, self.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
-        alike = self._alike(step)
+        here = step.cell, step.zero
+        alike = [s.number for s in self.so_far.steps if (s.cell, s.zero) == here]
         if len(alike) == 1 and pending.doubt.compares:  # either of the two may be the wrong one
-            number = alike[0][0].number
+            (number,) = alike
             asked += f"\n  Or was step {number} wrong? r {number} reads both again."
         self.asker.say(asked, Style.QUESTION)
         keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
@@ -398,23 +399,17 @@ class Dialogue:
 
     def _acknowledge(self, step: SessionStep, value: float) -> None:
         """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        left = self.so_far.left
-        stays = bool(left) and left[0].visit == step.visit
+        so_far, last = self.so_far, ""
+        stays = any(other.visit == step.visit for other in so_far.left[:1])
         self.asker.rest(driving=not stays)
-        last = ""
-        for before, old in self._alike(step)[-2:-1]:
-            last = f"   (cycle {before.cycle}: {wording.value_text(old, self.unit)})"
+        for i in so_far.repeats[-1:]:
+            before = wording.value_text(float(so_far.value[i]), self.unit)
+            last = f"   (cycle {so_far.steps[i].cycle}: {before})"
         saved = f"   saved {wording.value_text(value, self.unit)}{last}"
         self.asker.say(saved, Style.GOOD, pushes=not stays)
         if not stays:
             self._say_offsets()
             self._shorten()
-
-    def _alike(self, step: SessionStep) -> list[tuple[SessionStep, float]]:
-        """Readings of the same cell, gauge and zero as a step's, with their steps."""
-        taken = zip(self.so_far.steps, self.so_far.value.tolist(), strict=True)
-        here = (step.cell, step.zero)
-        return [(other, value) for other, value in taken if (other.cell, other.zero) == here]
 
     def _say_offsets(self) -> None:
         """The offsets so far with their U; what else may be wrong adds to it at the end only."""

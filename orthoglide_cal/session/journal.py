@@ -49,11 +49,11 @@ class Journal:
     @classmethod
     def create(cls, path: Path, *events: Event) -> "Journal":
         """A new journal of these records, all or none. Raises UsageError if the file exists."""
-        text, checksum = "", 0
+        data, checksum = b"", 0
         for event in events:
             line, checksum = encode(event, checksum)
-            text += line.decode()
-        write_text(path, text)
+            data += line
+        write_text(path, data)
         return cls.resume(path)
 
     @classmethod

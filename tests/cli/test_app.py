@@ -141,13 +141,13 @@ def test_a_full_disk_behind_standard_output_is_said_in_one_line() -> None:
 
 def test_long_messages_break_between_words_in_a_terminal(tmp_path: Path) -> None:
     """And a command that a message names stays on one line, to be copied."""
-    with Terminal(tmp_path, "x.csv", command=("apply",)) as terminal:
+    with Terminal(tmp_path, "--undo", command=("apply",)) as terminal:
         assert terminal.finish() == 2
     shown = terminal.seen.replace("\r\n", "\n").rstrip("\n").split("\n")
     assert len(shown) > 2
     assert max(map(len, shown)) <= 80
     assert shown[-1] == "  orthocal machine new"
-    assert " ".join(shown).split() == run("apply", "x.csv", "--yes").stderr.split()
+    assert " ".join(shown).split() == run("apply", "--undo", "--yes").stderr.split()
 
 
 @pytest.mark.parametrize("form", [(), ("--json",)])

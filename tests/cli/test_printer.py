@@ -208,7 +208,7 @@ def test_dates_of_one_printer_are_judged_together() -> None:
         for each in (before[name], after[name]):
             assert abs(each["active"] + each["found"] - value) < 3.0 * each["std"]
     said = words(run(*both).stdout)
-    assert "do not determine leg_length: it may be off by 0.3 mm (1 σ)" in said
+    assert "Not determined: leg_length, taken as stated to within 0.3 mm." in said
     assert "printer.cfg later.cfg --data mesh --together" in said
 
 

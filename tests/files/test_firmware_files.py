@@ -11,7 +11,8 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.report.case import Case, decision_notice
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.answer import decision_notice
 from orthoglide_cal.results import answer_to
 from tests import firmware_files as made
 from tests.cli.program import run

@@ -22,7 +22,7 @@ from orthoglide_cal.inference.data import Candidates, Ids
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
+from orthoglide_cal.report.documents.answer import diagnosis_document, headline
 from orthoglide_cal.report.markdown import markdown
 from orthoglide_cal.results import answer_to
 from tests import truth

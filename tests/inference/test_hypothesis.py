@@ -198,7 +198,7 @@ def test_defaults_are_scaled_like_what_is_given() -> None:
     plan = double_posture(PROTOTYPE)
     readings = replace(readings_of(PROTOTYPE, plan, np.linspace(0.0, 1.0, 60)), timed=False)
     white = Whitened.of(readings, silent)
-    doubled = white.scaled(2.0).machine
+    doubled = white.scaled(2.0, CAUSES.values()).machine
     for id, cause in CAUSES.items():
         factor = 3.0 if cause.unit == "mm/h" else 1.0
         assert cause.size(white.machine) == factor * cause.size(silent.machine), id

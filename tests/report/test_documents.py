@@ -12,10 +12,10 @@ import pytest
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.answer import solution_document
 from orthoglide_cal.report.documents.calibration import calibration_document
-from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.report.sentences import _COMPOSED, _SENTENCES
+from orthoglide_cal.report.sentences import _SENTENCES
 from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
@@ -113,7 +113,8 @@ def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> 
     again = ["orthocal measure", "orthocal verify made.csv AFTER"]
     assert known == ["orthocal apply made.csv", entering, *again]
     accept = commands(DOCUMENTS["named_in_machine"]())
-    assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
+    cause = ("diagnose made.csv --accept axis_gap", "adjust made.csv --cause axis_gap")
+    assert accept == [f"orthocal {each}" for each in cause]
     assert commands(DOCUMENTS["ambiguous"]()) == ["orthocal measure --cycles 1"]
     for kind in ("named_in_measurement", "unexplained", "failed"):
         assert commands(DOCUMENTS[kind]()) == []
@@ -148,8 +149,8 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
 
 def test_reasons_and_sentences_belong_together() -> None:
     source = "".join(path.read_text() for path in (ROOT / "orthoglide_cal").rglob("*.py"))
-    known = {*_COMPOSED, *_SENTENCES}
-    assert set(re.findall(r'Reason\.of\(\s*"(\w+)"', source)) <= known
+    known = {*_SENTENCES}
+    assert set(re.findall(r'(?:Reason|Remedy)\.of\(\s*"(\w+)"', source)) <= known
     quoted = set(re.findall(r'"(\w+)"', source))
-    # The names of some are made of a field or a cause.
-    assert {re.sub("^(gauge|doubted)_", "", code) for code in known - quoted} <= quoted
+    # The names of some are made of a field, a cause or another reason.
+    assert {re.sub("^(gauge|doubted|below)_", "", code) for code in known - quoted} <= quoted

@@ -18,9 +18,8 @@ from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_pl
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
-from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.answer import diagnosis_document, solution_document
 from orthoglide_cal.report.documents.plan import plan_document
-from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.html import html
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
@@ -118,7 +117,7 @@ def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in CASES if name != "failed"])
 def test_every_number_of_a_solution_and_of_a_diagnosis_is_in_its_json(name: str) -> None:
     case = CASES[name]()
-    assert missing(solution_document(case)) == []
+    assert missing(solution_document(case), drawn(case)) == []
     assert missing(diagnosis_document(case), drawn(case)) == []
 
 

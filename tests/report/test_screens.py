@@ -17,12 +17,10 @@ from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
+from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document
 from orthoglide_cal.report.documents.plan import plan_document
-from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import Remedy, answer_to
-from orthoglide_cal.schema import Reason
+from orthoglide_cal.results import RETAKE, Remedy, answer_to
 from tests import truth
 from tests.cli.program import done
 from tests.inference.sessions import given
@@ -193,9 +191,7 @@ def test_a_plan(machine: str) -> None:
 def test_what_was_questioned_and_kept_is_retaken_first() -> None:
     case = of_orthoglide(("backlash",), 21, "micron", None)
     assert case.answer.verdict is Verdict.AMBIGUOUS
-    again = Remedy(
-        sentence=Reason.of("do", what="Retake: r 14"), verb="measure", options="--resume"
-    )
+    again = Remedy.of("do", RETAKE, what="Retake: r 14")
     release = case.answer.release
     kept = case.answer.changed(release=release.changed(remedies=(again, *release.remedies)))
     for said in both_screens(Case(case.given, kept)).split("\nNext\n")[1:]:
@@ -235,12 +231,14 @@ def test_on_one_height_a_shape_is_not_called_a_cause() -> None:
     """And what predicts better without a cause is the first step."""
     bent = delta.Truth(bed=quartic(np.random.default_rng(2), 0.08))
     layout, rng = delta.Layout(61), np.random.default_rng(1)
-    case = answered(given(delta.probe_bed(delta.V400, bent, (), layout, rng)))
+    read = given(delta.probe_bed(delta.V400, bent, (), layout, rng))
+    diagnosis = diagnose(read.measured, read.model)
+    case = Case(read, answer_to(read, diagnosed=diagnosis))
     assert re.search(
         r"! A smooth shape is left \(\d\d µm\): bed_shape, \d\d\.\d %", both_screens(case)
     )
     # A mesh in the controller does correct it.
     assert "no controller corrects it" not in shown(diagnosis_document(case).page())
-    better = case.answer.baselines.changed(quartic_mm=0.001)
-    said = both_screens(Case(case.given, case.answer.changed(baselines=better)))
+    better = replace(diagnosis, baselines=diagnosis.baselines.changed(quartic_mm=0.001))
+    said = both_screens(Case(read, answer_to(read, diagnosed=better)))
     assert "1. Make a bed mesh: a quartic surface predicts within 1.0 µm" in said

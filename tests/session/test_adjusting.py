@@ -84,7 +84,7 @@ def adjusted(seed: int, machine: Hidden, cause: str) -> Iterator[tuple[int, int,
         slot, _ = loose.left(id, which)
         here, there = partial(loose.surface, plan.here), partial(loose.surface, plan.there)
         target, readings, wrong = here() + plan.change_mm, 0, 0
-        while (phase := (one := Adjusted.of(state, plan, begin)).next) is not None:
+        while (phase := (one := Adjusted.of(state, plan, number)).next) is not None:
             if phase is Phase.PUSHED:
                 to_go = one.to_go_mm(one.now_mm)
                 wrong += Phase.PUSHED in one.readings_mm and to_go * (target - here()) < 0.0

@@ -6,14 +6,13 @@ that is refused it says what is wrong, and nothing to sign for an adjustment. Be
 that rests on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import NOZZLE, DataKind
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
@@ -23,20 +22,25 @@ from orthoglide_cal.report.case import (
     MEANS,
     Case,
     data_words,
-    decision_notice,
     moment,
     position_words,
     reserved,
     signed_page,
-    size_words,
     stated,
+)
+from orthoglide_cal.report.documents import pictures, verification
+from orthoglide_cal.report.documents.answer import (
+    cause_sizes,
+    decision_notice,
+    evidence,
+    open_blocks,
+    parameters_grid,
+    parameters_title,
     to_do,
 )
-from orthoglide_cal.report.documents import pictures, solution, verification
-from orthoglide_cal.report.documents.diagnosis import RESIDUALS, diagnosis_notice, diagnosis_section
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
-from orthoglide_cal.words import plain, short, two_figures
+from orthoglide_cal.words import capitalized, plain, short, two_figures
 
 _MOST_NOTES = 40
 
@@ -78,33 +82,44 @@ def calibration_document(
         }
 
     def page() -> doc.Page:
-        machine = case.machine
+        machine, released = case.machine, answer.release.usable or left is not None
         recorded = [(answer.input, answer.validity)]
         if left is not None:
             recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
-        released = answer.release.usable or left is not None
-        measured = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
-        pages = [part for one, when in measured for part in _evidence(one, when)]
+        causes, rivals = [*_causes(case)], [*_rivals(case)]
+        if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
+            causes.append(rivals.pop(0))
+        parameters, pages = _parameters(case, limit_mm), list[doc.Section]()
+        if left is not None:
+            notice = verification.verification_notice(left)
+            advice = verification.verification_steps(left, case.machine_file)
+            drawn = verification.left_figure(left) if left.differences else None
+            steps = doc.next_steps(advice, verification.decision_rule(left), drawn)
+            sheet = [verification.parameters_left(left), steps]
+        elif released:
+            notice = _notice(case)
+            moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
+            sheet = [parameters, *causes, doc.next_steps(to_do(case), *moved)]
+        else:
+            notice, sheet = _notice(case), [*causes, doc.next_steps(to_do(case))]
+            pages += [*rivals, parameters]
+        sheet += [*frame.sheet, *map(_other, case.others)]
+        both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
+        for one, when in both:
+            sections = *evidence(one), _conditions(one)
+            pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
-        for one, when in measured:
+        for one, when in both:
             if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
                 pages.append(doc.Section(f"Appendix: readings{when}", pictures.readings_table(one)))
-        drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
-        rivals = [*_rivals(case)]
-        if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
-            named.append(rivals.pop(0))
-        sheet = [*_result(case, left, named, drawn), *frame.sheet, *map(_other, case.others)]
-        if named and not released:
-            pages.insert(1, _parameters(case, drawn))
-            pages[:0] = rivals
         if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
             sheet, pages = [*sheet, *pages], []
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
             frame,
-            notice=_notice(case, left),
+            notice=notice,
             sheet=sheet,
             sections=pages,
             signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
@@ -116,46 +131,27 @@ def calibration_document(
 # --- the first sheet --------------------------------------------------------------------------
 
 
-def _notice(case: Case, left: Verification | None) -> doc.Notice:
+def _notice(case: Case) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
-    if left is not None:
-        return verification.verification_notice(left)
-    answer, release = case.answer, case.answer.release
-    wrong = release.sound and answer.parameters and not release.usable
-    notice = diagnosis_notice(case) if wrong else decision_notice(case)
+    release = case.answer.release
+    notice = decision_notice(case, diagnosed=release.sound and not release.usable)
     known = [*release.reasons, *release.cautions]
-    papers = (e for e in answer.validity.reservations if e.code not in INVALIDATING)
+    papers = (e for e in case.answer.validity.reservations if e.code not in INVALIDATING)
     return reserved(notice, [case.says(e) for e in papers if e not in known])
 
 
-def _result(
-    case: Case, left: Verification | None, named: Sequence[doc.Section], drawn: doc.Figure | None
-) -> Sequence[doc.Section]:
-    """What was found, and the next steps; of a refused result the causes come first."""
-    if left is not None:
-        steps = verification.verification_steps(left, case.machine_file)
-        rule = verification.decision_rule(left)
-        return verification.parameters_left(left), doc.next_steps(steps, rule, drawn)
-    if case.answer.release.usable:
-        moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
-        return _parameters(case, drawn), *named, doc.next_steps(to_do(case), *moved)
-    next_steps = doc.next_steps(to_do(case))
-    # Where the causes are drawn, the first sheet is full.
-    if named or not case.answer.parameters:
-        return *named, next_steps
-    return next_steps, _parameters(case, drawn)
-
-
-def _parameters(case: Case, drawn: doc.Figure | None) -> doc.Section:
-    """The parameters with U next to the differences."""
-    title, usable = solution.parameters_title(case), case.answer.release.usable
-    if not usable:
-        causes = f" with {' and '.join(case.answer.named)}" if case.answer.named else ""
-        title = f"Not to be entered: {case.words.many}{causes}{solution.common_unit(case.machine)}"
-    alone = solution.alone_block(case) if usable else ()
-    return doc.Section(
-        title, solution.parameters_grid(case), *solution.open_blocks(case), *alone, drawn
-    )
+def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
+    """The parameters with U, and each difference as found and as expected on one axis."""
+    answer = case.answer
+    blocks: list[doc.Block] = [parameters_grid(case), *open_blocks(case)]
+    if answer.deviations and answer.as_found and answer.expected:
+        rows = [
+            (e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations
+        ]
+        sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
+        ends = answer.check is not None and answer.check.ends
+        blocks.append(pictures.differences_figure(rows, sizes, ends, limit_mm))
+    return doc.Section(parameters_title(case), *blocks)
 
 
 def _causes(case: Case) -> Iterator[doc.Section]:
@@ -164,33 +160,15 @@ def _causes(case: Case) -> Iterator[doc.Section]:
     advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
-        title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        grid = _cause_grid(case, cause.id, cause.parameters, cause.where)
-        new = cause.remedy.rstrip(".") not in advised
-        remedy = f"{'If so: ' * undecided}{cause.remedy}" if new else None
-        yield doc.Section(title, grid, remedy, pictures.cause_figure(case, cause))
-
-
-def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
-    """Where a cause is, and how large with U."""
-    gaps, seen = pictures.moves_rails(id), pictures.seen_parameters(parameters)
-    sizes = [size for size in parameters if gaps or size in seen]
-    if not sizes:
-        return doc.strong(f"At {where}.")
-    places = [figures.place_words(size.name) for size in sizes]
-    if where and len(sizes) < 2:
-        places = [where]
-    columns: dict[str, Sequence[doc.Blank]] = {"": [*map(doc.strong, places)]}
-    columns["size ± U (95 %)"] = [size_words(e.value, e.expanded, e.unit) for e in sizes]
-    if gaps and (shims := case.answer.shims):
-        columns["shim"] = [
-            f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
-        ]
-    caption = "xy: how far rail x lies above rail y, along z; and so on. " * gaps
-    if len(sizes) < len(parameters):
-        undecided = case.answer.verdict is Verdict.AMBIGUOUS
-        caption += "All others: smaller." if undecided else "All others: within U."
-    return doc.Grid.of(columns, range(len(columns)), caption)
+        blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
+        if pictures.moves_rails(cause.id) and answer.shims:
+            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+            above = "± U (95 %). xy: how far rail x lies above rail y, along z; and so on."
+            blocks.append(doc.Grid(("rail", "move by", "towards"), rows, caption=above))
+        if cause.remedy.rstrip(".") not in advised:
+            blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
+        title = f"Possible: {title}" if undecided else capitalized(title)
+        yield doc.Section(title, *blocks, pictures.cause_figure(case, cause))
 
 
 def _rivals(case: Case) -> Iterator[doc.Section]:
@@ -199,26 +177,11 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
         if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
-            cause, grid = words.pop(id), _cause_grid(case, id, sizes)
+            cause = words.pop(id)
             text = f"How to check: {cause.instrument}. If so: {cause.advice}"
-            yield doc.Section(f"Or: {cause.title} ({id})", grid, text, sketch)
+            yield doc.Section(f"Or: {cause.title} ({id})", *cause_sizes(id, sizes), text, sketch)
     lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
-    yield doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
-
-
-def _differences(
-    case: Case, left: Verification | None, limit_mm: float | None
-) -> doc.Figure | None:
-    """Each difference on one axis: as found, as expected, as measured afterwards."""
-    answer = case.answer
-    if left is not None:
-        return verification.left_figure(left) if left.differences else None
-    if not answer.deviations or answer.as_found is None or answer.expected is None:
-        return None
-    rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
-    sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
-    ends = answer.check is not None and answer.check.ends
-    return pictures.differences_figure(rows, sizes, ends, limit_mm)
+    yield doc.Section("Also possible", *map(capitalized, lines))
 
 
 def _other(case: Case) -> doc.Section:
@@ -233,17 +196,6 @@ def _other(case: Case) -> doc.Section:
 
 
 # --- the evidence -----------------------------------------------------------------------------
-
-
-def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
-    """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
-    answer, sections = case.answer, [_conditions(case)]
-    if answer.parameters:
-        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case))
-        budget = solution.budget_sections(case.machine, answer.budget, answer.total)
-        sections = [diagnosis_section(case), left, *budget, *sections]
-    for section in sections:
-        yield doc.Section(f"{section.title}{when}", *section.blocks)
 
 
 def _workspace(
@@ -327,13 +279,9 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows += [
             ("Input", doc.given(file_words(answer.input.path))),
             ("SHA-256", doc.code(answer.input.sha256)),
-            ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
+            ("Data", case.data_words),
         ]
     rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
-    if answer.method is not None and answer.noise is not None:
-        rows += solution.fit_facts(case)
-    new = (warning for warning in answer.warnings if warning not in answer.notes)
-    notes = (doc.small(case.says(warning)) for warning in new)
-    return doc.Section("Traceability", doc.Facts(rows), *notes)
+    return doc.Section("Traceability", doc.Facts(rows))

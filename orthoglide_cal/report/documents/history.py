@@ -196,7 +196,7 @@ def _courses(history: History) -> doc.Figure:
     times = [start.timestamp() for start in starts] or [*range(len(history.sessions))]
     labels = [f"{start:%Y-%m}" for start in starts] or [str(k + 1) for k in times]
     wide, top, bottom = 216.0, 26.0, 124.0
-    across = figures.Scale(times[0], times[-1], 66.0, wide - 26.0)
+    across = figures.Scale.around(times, 58.0, wide - 18.0)
     places = [across(time) for time in times]
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]

@@ -144,8 +144,8 @@ def brief_residuals(case: Case) -> list[doc.Block]:
 def residual_blocks(case: Case) -> Iterator[doc.Block]:
     """Measured − modelled without and with the causes, in figures and characters."""
     left = _left(case)
-    accepted = (pattern for pattern in case.answer.patterns if pattern.accepted)
-    yield from (_pattern_figure(case, pattern, n) for n, pattern in enumerate(accepted))
+    for number, pattern in enumerate(case.answer.beyond):
+        yield _pattern_figure(case, pattern, number)
     if _on_bed(case):
         measured = np.array([row.measured_mm for row in case.answer.residuals])
         maps, signs = [], list[str]()
@@ -161,6 +161,7 @@ def residual_blocks(case: Case) -> Iterator[doc.Block]:
                     signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
         plain = doc.Listing((*signs, *_BED_LEGEND))
         yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
+        yield readings_table(case, distances=True)
     elif case.answer.input.kind == DataKind.READINGS:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
@@ -202,12 +203,8 @@ def reading_panels(
     for k, row in enumerate(rows):
         gauge = "all touches" if row.x_mm is not None else "all differences"
         gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
-    panels = {
-        gauge: drawn
-        for gauge, every in sorted(gauges.items())
-        if (not shown or {*shown} & {*every})
-        and (drawn := [k for k in every if np.isfinite(at[k])])
-    }
+    chosen = {gauge: ks for gauge, ks in sorted(gauges.items()) if not shown or {*shown} & {*ks}}
+    panels = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
     width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
@@ -219,6 +216,8 @@ def reading_panels(
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
+        if not numbers:
+            continue
         if over is None:
             numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
             names = list(dict.fromkeys(places[k] for k in numbers))
@@ -300,7 +299,7 @@ def _on_bed(case: Case) -> bool:
 def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]: the parameters alone, and all that is found."""
     answer, rows = case.answer, case.answer.residuals
-    known = (f"the {pattern_name(pattern)}" for pattern in answer.patterns if pattern.accepted)
+    known = (f"the {pattern_name(pattern)}" for pattern in answer.beyond)
     causes = " and ".join((*(cause.id for cause in answer.causes), *known))
     measured, alone = _column(rows, "measured_mm"), _column(rows, "modelled_mm")
     left = {f"{case.words.many} only": measured - alone}
@@ -310,9 +309,14 @@ def _left(case: Case) -> dict[str, Floats]:
     return left
 
 
-def readings_table(case: Case) -> doc.Grid:
-    """Every reading or difference as it was written down, and what the models leave of it."""
-    rows, left = case.answer.residuals, _left(case)
+def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
+    """Every reading or difference as it was written down, and what the models leave of it.
+
+    With `distances` only the measured distances between places of a bed.
+    """
+    chosen = [k for k, row in enumerate(case.answer.residuals) if row.distance or not distances]
+    rows = [case.answer.residuals[k] for k in chosen]
+    left = {model: values[chosen] for model, values in _left(case).items()}
     readings = case.answer.input.kind == DataKind.READINGS
     at, places = "difference", [row.posture or "" for row in rows]
     if _on_bed(case):

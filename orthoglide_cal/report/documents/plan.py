@@ -33,9 +33,8 @@ from orthoglide_cal.planning.steps import (
     sequence_options,
 )
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import Case, decision_notice
-from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
@@ -179,7 +178,7 @@ def _command(
 def _reach(model: Model, expanded: Floats) -> str:
     """U of each parameter (p,), or the largest where they are all alike."""
     machine = model.machine
-    if common_unit(machine):
+    if machine.common_unit:
         return f"each {machine.vocabulary.one} within ± {two_figures(float(expanded.max()))} mm"
     alike: dict[str, list[str]] = {}
     columns = zip(machine.parameter_names, expanded.tolist(), machine.parameter_units, strict=True)
@@ -198,7 +197,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     lines = [f"{machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
     title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
     reach = f"{_reach(plan.model, chosen.budget.expanded_mm)} (95 %)"
-    if common_unit(machine):
+    if machine.common_unit:
         title += f": {reach}"
     else:
         lines.append(f"U: {reach}")
@@ -294,7 +293,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         "min": [f"{session.minutes:.0f}" for session in shown],
     }
     named = zip(machine.parameter_names, map(unit_words, machine.parameter_units), strict=True)
-    unit = common_unit(machine) or f": {', '.join(map(' in '.join, named))}"
+    unit = machine.common_unit or f": {', '.join(map(' in '.join, named))}"
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
@@ -367,6 +366,12 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     return doc.Section(title, *blocks)
 
 
+def _between(measurement: NextMeasurement) -> tuple[str, str]:
+    """The two explanations that it distinguishes, in words."""
+    first, second = (" with ".join(ids) or "a sound machine" for ids in measurement.between)
+    return first, second
+
+
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     """The best measurement in addition to the data that there are, and its gain."""
     release = begun.answer.release
@@ -378,7 +383,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         return doc.Notice(doc.Tone.GOOD, needless, (none,))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
-    today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
+    today = "Now it is" if plan.model.machine.common_unit else "The largest is now"
     today = "" if now is None else f" {today} ± {two_figures(now)} mm."
     worth = [f"With it: {_reach(plan.model, best.expanded)}.{today}"]
     if plan.target is not None:
@@ -394,7 +399,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         worth.append(f"± {wanted:g} mm {when}")
     tone, title = doc.Tone.INFO, f"Next: {minutes}"
     if best.between:
-        first, second = between_words(best)
+        first, second = _between(best)
         title += f" give one answer (probability {percent(best.chance)})"
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         worth.insert(0, settled)
@@ -422,7 +427,7 @@ def _next_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     meaning = "No reading can decide more. Ranked by the reduction of U"
     meaning += " per minute; half an hour is added for the session."
     if plan.next[0].between:
-        first, second = between_words(plan.next[0])
+        first, second = _between(plan.next[0])
         meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
         meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
         meaning += " readings, in standard deviations."

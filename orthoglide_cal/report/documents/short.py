@@ -11,8 +11,13 @@ from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
-from orthoglide_cal.report.documents.solution import common_unit
+from orthoglide_cal.report.case import (
+    MEANS,
+    OWNER,
+    data_words,
+    measure_again,
+    stated,
+)
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application, Correction
 from orthoglide_cal.words import counted, plain, short, signed, two_figures
@@ -143,7 +148,7 @@ def application_document(
             (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
             for name, old in before.items()
         ]
-        caption = f"{words.title} in the controller{common_unit(machine)} ({words.relation})."
+        caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
         first = "The controller must hold the last column and have been homed with it."
         if controller is not None and written is not None:
             head, none = ("line", "what", "now", "from now on"), "(no line)"

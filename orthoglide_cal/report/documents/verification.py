@@ -13,9 +13,14 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import INVALIDATING, data_words, reserved, signed_page, sizes_words
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    data_words,
+    reserved,
+    signed_page,
+    sizes_words,
+)
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Identity
@@ -61,7 +66,8 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     notice = replace(verification_notice(result), aside=f"{result.machine}, {both}")
     # Their title says what the notice above does.
-    differences = [*left_figure(result).plain[1:]] if result.differences else []
+    figure = left_figure(result)
+    differences = [*figure.plain[1:]] if figure else []
     steps = verification_steps(result, None, brief=True)
     last = doc.next_steps(steps, "More: the same with --details")
 
@@ -76,25 +82,14 @@ def _screen(result: Verification) -> doc.Page:
 def _page(result: Verification, identity: Identity) -> doc.Page:
     recorded = [(side, side.validity) for side in (result.before, result.after)]
     page = signed_page("Verification report", result.inputs[1][1].machine, identity, recorded)
-    if result.differences:
-        measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
-    else:
-        sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
-        heights = (_size(result, size) for size in (*sizes, result.rms_reachable_mm or 0.0))
-        grid = doc.Grid(
-            ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
-            [("touches, without their mean", *heights)],
-            caption="Predicted: expected with the parameters found before. Could be: with those"
-            " found afterwards.",
-        )
-        measured = doc.Section("Heights", grid)
+    measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     return replace(
         page,
         title=result.machine,
         notice=verification_notice(result),
         sheet=(parameters_left(result), measured, *page.sheet),
         sections=(
-            *([_response(result, result.response)] if result.response else []),
+            doc.Section("How the machine responded", *_response(result)),
             doc.Section("Traceability", doc.Facts([*compared_inputs(result)])),
         ),
         signatures=("Measured by", "Checked by"),
@@ -259,7 +254,7 @@ def _decision(made: Conformity) -> str:
 def parameters_left(result: Verification) -> doc.Section:
     """Each parameter as found, as entered, and what remains of it."""
     rows, decimals = result.parameters.values(), _decimals(result) if result.differences else 4
-    unit = common_unit(result.inputs[1][1].machine)
+    unit = result.inputs[1][1].machine.common_unit
     entered = [row.entered for row in rows]
     now = [None if row.entered is None else row.before + row.entered for row in rows]
     columns: dict[str, list[doc.Blank]] = {
@@ -294,9 +289,11 @@ def decision_rule(result: Verification) -> doc.Marked | None:
     return doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
 
 
-def left_figure(result: Verification) -> doc.Figure:
-    """The differences as left."""
+def left_figure(result: Verification) -> doc.Figure | None:
+    """The differences as left; None of heights."""
     every = result.differences
+    if not every:
+        return None
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
@@ -304,30 +301,32 @@ def left_figure(result: Verification) -> doc.Figure:
     return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
-def _response(result: Verification, response: Coefficient) -> doc.Section:
+def _response(result: Verification) -> Iterator[doc.Block]:
+    """All axes together, each, and what else changed; nothing of heights."""
     rows, decimals = result.axes.values(), _decimals(result)
+    if result.response:
+        yield (
+            "Response (measured change / entered change), all axes together: ",
+            doc.strong(_interval(result.response)),
+            f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
+        )
     columns = {
         "axis": [*result.axes],
         "applied": [signed(row.applied_mm, decimals) for row in rows],
         "found": [signed(row.found_mm, decimals) for row in rows],
         "95 % interval": [" … ".join(signed(end, decimals) for end in row.ci95_mm) for row in rows],
     }
-    lead = (
-        "Response (measured change / entered change), all axes together: ",
-        doc.strong(_interval(response)),
-        f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
-    )
-    grid = doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
-    blocks: list[doc.Block] = [lead, grid]
+    yield doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
     if change := result.other_change:
         size = f"{1000 * change.rms_mm:.0f} µm per difference"
         noise = f"noise alone gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
-        text = f"Nothing else changed: {size}; {noise}"
         if change.found:
-            text = f"Something else changed that no offset explains: {size}; {noise}"
-            text += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
-        blocks.append(text)
-    return doc.Section("How the machine responded", *blocks)
+            yield (
+                f"Something else changed that no offset explains: {size}; {noise}"
+                " Was the stand moved, a leg or rail adjusted, or another gauge used?"
+            )
+        else:
+            yield f"Nothing else changed: {size}; {noise}"
 
 
 def compared_inputs(result: Verification) -> Iterator[tuple[str, doc.Blank]]:

@@ -1,0 +1,773 @@
+"""The documents of `solve` and `diagnose`: one answer, seen from its parameters or its causes.
+
+Both say the decision and the next steps. Their details are the same; the calibration report shows
+parts of them.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import zip_longest
+from operator import attrgetter
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation import Method
+from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.files.input import adjustments_by
+from orthoglide_cal.inference import Verdict, nothing_wrong
+from orthoglide_cal.inference.result import Explanation
+from orthoglide_cal.model.cause import Estimate, Stage
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DataKind, Differences, weighing
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    NOT_NEEDED,
+    Case,
+    check_words,
+    comparison_words,
+    measure_again,
+    size_words,
+    sizes_words,
+)
+from orthoglide_cal.report.documents.pictures import brief_residuals, residual_blocks
+from orthoglide_cal.report.sentences import SOURCES, pattern_name, pattern_words
+from orthoglide_cal.report.terminal import fitting
+from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
+from orthoglide_cal.schema import Reason
+from orthoglide_cal.words import (
+    chance,
+    counted,
+    coverage_words,
+    decimals_for,
+    difference_decimals,
+    listed,
+    percent,
+    plain,
+    short,
+    signed,
+    two_figures,
+    typed,
+    uncapitalized,
+    unit_words,
+)
+
+_METHODS: Mapping[Method, str] = {
+    Method.READINGS: "all readings at once",
+    Method.SIX: "eq. 25, six equations",
+    Method.TWELVE: "eq. 25, twelve equations",
+    Method.SIX_LINEAR: "eq. 17",
+    Method.TWELVE_LINEAR: "eq. 16",
+    Method.SINGLE: "eq. 10",
+    Method.SINGLE_SEQUENTIAL: "eq. 11",
+}
+_NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
+# Reasons that a headline says, too: below it stands what they mean.
+_MEANT = ("offsets_wrong", "cause_found", "undecided", "beyond_list")
+# What reduces a cause that may be there, and one whose size no reading shows.
+_OPEN = (
+    "These readings hardly show it: measure with other {words.positions}, or state under"
+    " tolerances in the machine file how large it can be."
+)
+_STATE = "State how well that is known under tolerances in the machine file."
+# What one screen has room for.
+_MOST_DIFFERENCES, _LARGEST_DIFFERENCES = 6, 3  # of more the largest are shown
+_MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
+_MOST_OPEN = 4  # explanations
+_MOST_LIKELY = 3  # of them in the title
+_DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of a diagnosis
+# Lines of a solution: `measure` says before them where it has written, and after them what a
+# simulation hid.
+_SOLVED = 23
+
+
+def solution_document(case: Case) -> doc.Document:
+    """The whole answer, the parameters first; without any why, and what to do."""
+    return _document(case, "Solution", to_do, _solution_screen)
+
+
+def diagnosis_document(case: Case) -> doc.Document:
+    """The whole answer, what is wrong first; without parameters that of the solution."""
+    if not case.answer.parameters:
+        return solution_document(case)
+    return _document(case, "Diagnosis", _diagnosis_steps, _diagnosis_screen)
+
+
+def _document(
+    case: Case,
+    kind: str,
+    steps: Callable[[Case], Iterator[doc.Instruction]],
+    screen: Callable[[Case, doc.Page], doc.Page],
+) -> doc.Document:
+    """A document of this kind; `screen` completes a page that begins with the decision."""
+
+    def begin() -> doc.Page:
+        notice = decision_notice(case, diagnosed=kind == "Diagnosis")
+        return doc.Page(kind, simulated=case.answer.simulated, notice=notice)
+
+    def page() -> doc.Page:
+        return replace(begin(), sheet=[doc.next_steps(steps(case))], sections=[*_details(case)])
+
+    brief = (lambda: screen(case, begin())) if case.answer.parameters else None
+    return doc.Document(case.data, page, brief)
+
+
+def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
+    """The numbers that decide; where a screen has too few lines, what they mean gives way."""
+    answer, release = case.answer, case.answer.release
+    enter, check = release.usable and release.needed, answer.check
+    parameters: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
+    largest = [_largest_words(case)] if answer.budget and enter else []
+    notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
+    if "gauge_doubt" in release.codes:
+        notes = []  # it says the same
+    numbers = [] if release.settled else [*_improvement(case)]
+    words = []
+    if answer.deviations and not release.settled:
+        words.append(comparison_words(check is not None and check.ends)[1])
+    if answer.budget and not enter:
+        words.append("U: expanded uncertainty, 95 %.")
+    if answer.judgement and answer.judgement.code == "residuals_agree" and enter:
+        words.append("p: probability that noise alone leaves more.")
+    meaning = [" ".join(words)]
+    last = doc.next_steps(to_do(case, brief=True), _more(case, "solve"))
+
+    def page() -> doc.Page:
+        blocks = [[*parameters, *largest, *notes], [*numbers, *meaning]]
+        if not answer.deviations:  # one line needs no section
+            blocks = [[*parameters, *largest, *notes, *numbers]]
+        return replace(begun, sections=[*(doc.Section(None, *part) for part in blocks), last])
+
+    return fitting(page, meaning, largest, lines=_SOLVED - answer.simulated)
+
+
+def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
+    """The numbers that decide, one thought each, and what to do.
+
+    Where a screen has too few lines for it, notes give way, then baselines, the reminder to
+    solve again, the residuals, and all steps but the first.
+    """
+    answer, named = case.answer, case.answer.verdict is Verdict.NAMED
+    undecided = answer.verdict is Verdict.AMBIGUOUS
+    most = _UNDECIDED if undecided else _BEYOND if answer.beyond else _DECIDED
+    baselines, steps = [*_baselines(case)], [*_diagnosis_steps(case)]
+    first, others = steps[:1], steps[1:]
+    residuals = [brief_residuals(case)] if named else []
+    again = []
+    if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
+        again.append(doc.Instruction("Then solve again, and enter only what it releases."))
+    notes = [case.says(note) for note in answer.notes if note.code == "acts_too"]
+    notes += _doubts(case, brief=True)
+    if answer.ruled_out:
+        notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
+    notes += [case.says(note) for note in answer.notes if note.code == "not_excluded"]
+    known = (e for e in answer.parameters if e.determined)
+    found = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
+    it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
+    causes = f" with {it}" * bool(answer.named or answer.patterns)
+    parameters = f"{case.words.many.capitalize()}{causes}: {found}."
+    decisive: list[doc.Block] = [*_sizes(case), parameters, *open_blocks(case)]
+    left = [_rms_grid(case)]
+    if undecided:
+        decisive, left = [_open_grid(case)], left * bool(answer.holdout)
+
+    def page() -> doc.Page:
+        parts: list[Sequence[doc.Block]] = [decisive, [*left, *baselines], *residuals]
+        last = doc.next_steps([*first, *others, *again], *notes, _more(case, "diagnose"))
+        return replace(begun, sections=[*(doc.Section(None, *part) for part in parts), last])
+
+    return fitting(page, notes, baselines, again, residuals, others, lines=most)
+
+
+def _more(case: Case, verb: str) -> doc.Line:
+    """Where the rest stands."""
+    return "More: ", doc.typed(case.typed(verb, "--details"))
+
+
+def _details(case: Case) -> Iterator[doc.Section]:
+    """All that is known; nothing without parameters."""
+    answer = case.answer
+    if not answer.parameters:
+        return
+    names, matrix = [row.name for row in answer.parameters], answer.correlation
+    pairs = [(i, k) for i in range(len(names)) for k in range(i)]
+    related = ", ".join(f"{names[k]}–{names[i]} {signed(matrix[i][k], 2)}" for i, k in pairs)
+    sigma = "" if answer.sigma_rho_mm is None else f" σ_ρ = {two_figures(answer.sigma_rho_mm)} mm."
+    yield doc.Section(
+        parameters_title(case),
+        parameters_grid(case),
+        *open_blocks(case),
+        f"Correlations: {related}.{sigma}",
+    )
+    single = answer.check is not None and answer.check.ends
+    title = f"Differences, {comparison_words(single)[0]}" if answer.deviations else None
+    yield doc.Section(title, *_improvement(case, full=True))
+    yield from evidence(case)
+
+
+def evidence(case: Case) -> Iterator[doc.Section]:
+    """What the result rests on: diagnosis, residuals and uncertainty; nothing without one."""
+    answer = case.answer
+    if not answer.parameters:
+        return
+    yield doc.Section(
+        "Diagnosis",
+        f"{headline(case).rstrip('.')}.",
+        doc.Facts([*_fit_facts(case)]),
+        *_cause_blocks(case),
+        *_note_blocks(case),
+    )
+    yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
+    yield from budget_sections(case.machine, answer.budget, answer.total)
+
+
+# --- the decision -----------------------------------------------------------------------------
+
+
+def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
+    """The decision and what it rests on; its mark is the same on every screen and page.
+
+    `diagnosed`: below the verdict on the model, unless not the model is wrong, but the numbers.
+    """
+    answer, release, many = case.answer, case.answer.release, case.words.many
+    judged, cautions = answer.judgement, release.cautions
+    tone, title, reasons = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
+    lines = []
+    if not answer.parameters:
+        title = "There is no result"
+        if reasons[0].code == "settings_unknown":
+            title, reasons = case.says(reasons[0]).rstrip("."), reasons[1:]
+    elif release.settled:
+        title, reasons = NOT_NEEDED, cautions
+        if judged and judged.code == "residuals_unusual":
+            reasons = (judged, *cautions)
+        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
+        size = size_words(*max(known, key=lambda row: abs(row[0]) / row[1]))
+        lines = [f"Largest change {size}; the differences would not become smaller."]
+    elif release.usable:
+        title = f"The {many} may be entered{', with care' if cautions else ''}"
+        reasons = cautions or tuple(filter(None, [judged]))
+    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        tone = doc.Tone.OPEN
+    if release.usable:
+        tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
+    else:
+        worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
+        reasons = (*reasons, *(e for e in worst if e not in reasons))
+    if diagnosed and (release.usable or answer.verdict not in (None, Verdict.CONSISTENT)):
+        lines.insert(0, f"{title}.")
+        if meant := next((e for e in reasons if e.code in _MEANT and release.sound), None):
+            u = {p.unit: p.expanded for p in sorted(answer.parameters, key=attrgetter("expanded"))}
+            lines[0] = case.says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
+        # The headline says them.
+        said = (meant, answer.refuted, answer.judgement)
+        title, reasons = headline(case), tuple(e for e in reasons if e not in said)
+    about = [answer.machine.name, case.data_words]
+    if case.method is not None:
+        about.append(f"method {case.method}")
+    lines += map(case.says, reasons)
+    # Why released parameters may be worthless.
+    if worthless := next((e for e in cautions if e.code in INVALIDATING), None):
+        first = case.says(worthless)
+        lines = [f"{title.rstrip('.')}.", *(line for line in lines if line != first)]
+        title = first.rstrip(".")
+    return doc.Notice(tone, title, tuple(lines), ", ".join(about))
+
+
+def headline(case: Case) -> str:
+    """The verdict in one sentence."""
+    answer, judged = case.answer, case.answer.judgement
+    if answer.verdict is Verdict.NAMED:
+        return _named(case)
+    if answer.verdict is Verdict.AMBIGUOUS:
+        return f"Undecided: {_shares(answer)}"
+    if answer.refuted is not None:
+        return f"Unexplained: {case.says(answer.refuted)}"
+    if answer.verdict is not Verdict.CONSISTENT:
+        if answer.beyond:
+            text = "; ".join(pattern_words(case.machine, pattern) for pattern in answer.beyond)
+            return f"Not on the list: {text}."
+        far = [f"{one.id} at {one.times:.0f} times its size" for one in answer.beyond_tolerance]
+        only = f"only {' or '.join(far)} would explain what these readings show"
+        return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
+    unfit = judged is not None and judged.code == "residuals_too_large"
+    text = uncapitalized(case.says(judged)) if judged else "the model fits."
+    return f"{'No cause found' if unfit else 'Consistent'}: {text}"
+
+
+def _named(case: Case) -> str:
+    """The causes that were found, or the shape that is left, and what looks the same."""
+    answer, ids = case.answer, [cause.id for cause in case.answer.causes]
+    share, flat = percent(answer.causes[0].probability, 1), case.given.measured
+    titles, shapes = [], []
+    for cause in answer.causes:
+        # Of readings of one plane nothing tells what makes their shape.
+        if cause.id == case.machine.shape and not isinstance(flat, Differences) and flat.plan.flat:
+            shapes.append(f"A smooth shape is left ({1e3 * cause.adds_mm:.0f} µm)")
+        else:
+            titles.append(case.title_of(cause.id, len(cause.parameters)))
+    if shapes:
+        return f"{' and '.join((*shapes, *titles))}: {' and '.join(ids)}, {share}"
+    if len(ids) > 1:
+        return f"Causes found: {' and '.join(ids)} ({share})"
+    # What looks the same to these readings, such as a stand that was knocked before the last.
+    (cause,) = answer.causes
+    alike = [
+        f"{state.ids[0]}, {percent(state.probability, 1)}"
+        for state in answer.explanations
+        if len(state.ids) == 1 and state.ids[0] in cause.aliases
+        if 2.0 * state.probability > cause.probability
+    ]
+    return f"Cause found: {titles[0]} ({', or '.join((f'{cause.id}, {share}', *alike))})"
+
+
+def _shares(answer: Answer) -> str:
+    """The most probable explanations and the share of all others, 100 % in all."""
+    shares = {_name(state): state.probability for state in answer.explanations if not state.pattern}
+    shares[_UNLISTED] = sum(state.probability for state in answer.explanations if state.pattern)
+    likely = sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY]
+    whole = {name: round(100.0 * share) for name, share in likely}
+    shown = [f"{name} ({share} %)" for name, share in whole.items() if share]
+    if rest := 100 - sum(whole.values()):
+        shown.append(f"or others ({rest} %)")
+    return ", ".join(shown)
+
+
+# --- the next steps ---------------------------------------------------------------------------
+
+
+def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
+    """Next steps; `brief`: those that one screen has room for."""
+    release, verdict = case.answer.release, case.answer.verdict
+    causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
+    if adjustments_by(case.source.path):
+        from orthoglide_cal.session.adjusting import check_not_adjusted
+
+        try:
+            check_not_adjusted(case.source, case.machine_file)
+        except UnusableResultError as error:
+            yield doc.Instruction(str(error))
+            return
+    if release.settled:
+        if case.words.measure or case.machine.layouts():
+            yield doc.Instruction("See which further readings would help", case.typed("plan"))
+    elif release.usable:
+        yield from _entering(case, brief)
+    else:
+        yield from case.remedies(*[RETAKE] * (brief and causes))
+    if brief and causes:
+        decided = verdict is Verdict.NAMED
+        see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
+        yield doc.Instruction(see, case.typed("diagnose"))
+
+
+def _diagnosis_steps(case: Case) -> Iterator[doc.Instruction]:
+    """Next steps: what to do about the causes, then entering."""
+    yield from case.remedies()
+    if case.answer.release.settled:
+        yield from to_do(case)
+    elif case.answer.release.usable:
+        yield doc.Instruction("See what to enter", case.typed("solve"))
+
+
+def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
+    words, check, excerpt = case.words, case.answer.check, case.source.excerpt
+    format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
+    # No line of simulated readings is for a controller.
+    export = None if case.answer.simulated else case.typed("export", f"--format {format}")
+    recorded = recording(case.given)
+    if recorded == "done":
+        yield doc.Instruction(
+            f"The machine file records that the {words.many} are entered. {words.restart}"
+        )
+    elif case.record is not None:
+        yield doc.Instruction(f"{words.entering}, then", case.record)
+    elif export:
+        yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
+    if export and not brief and recorded not in ("done", "elsewhere"):
+        yield doc.Instruction("Or print the lines for the controller's file", export)
+    if check is not None:
+        yield doc.Instruction(check_words(check))
+    if case.table is not None and not brief:
+        yield doc.Instruction("Correct the remaining errors with a table", case.table)
+    if words.measure:
+        again = measure_again(case.given.conditions, case.machine_file)
+        yield doc.Instruction("Measure again", again)
+    if case.record is None or not brief:
+        yield doc.Instruction(words.compare, case.verify)
+
+
+# --- parameters, differences and uncertainty -----------------------------------------------------
+
+
+def parameters_title(case: Case) -> str:
+    """Heading of the table: what it is of, in which unit, and how it is meant."""
+    words, named = case.words, case.answer.named
+    usable = case.answer.release.usable
+    kind = words.title if usable else f"Not to be entered: {words.many}"
+    causes = f" with {' and '.join(named)}" if named else ""
+    relation = words.relation.replace("true position", "true")
+    return f"{kind}{causes}{case.machine.common_unit} ({relation})"
+
+
+def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
+    """Parameters as found, and what to enter only if they may be.
+
+    What must not be entered has the digits of its U. `brief`: as a screen has room for it.
+    """
+    answer, words = case.answer, case.words
+    every, enter = answer.parameters, answer.release.usable and answer.release.needed
+    digits = [answer.decimals if enter else decimals_for(row.expanded) for row in every]
+    same, unit = case.machine.common_unit, [unit_words(row.unit) for row in every]
+
+    def changes(chosen: Sequence[Parameter]) -> list[str]:
+        return [
+            "not determined" if row.found is None else signed(row.found, decimals)
+            for row, decimals in zip(chosen, digits, strict=True)
+        ]
+
+    columns: dict[str, Sequence[doc.Blank]] = {"": [row.name for row in every]}
+    if not (same or brief):
+        columns["unit"] = unit
+    if answer.alone and not enter:
+        columns[f"{words.many} alone"] = changes(answer.alone.parameters)
+        columns[f"allowing for {' and '.join(answer.named)}"] = changes(every)
+    else:
+        columns["active"] = [plain(row.active, answer.decimals) for row in every]
+        head = "found" if enter or answer.release.settled else "if entered"
+        columns[head if brief else words.found] = changes(every)
+    columns["± U"] = [two_figures(row.expanded) for row in every]
+    if enter:
+        write = typed if brief and same else plain
+        new = [write(row.new(answer.decimals), answer.decimals) for row in every]
+        columns["enter"] = [doc.typed(text) for text in new]
+    if brief:
+        columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if same else unit
+        return doc.Grid.of(columns, (0, len(columns) - 1))
+    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
+    if answer.dof is not None:
+        caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
+    if answer.verdict is Verdict.AMBIGUOUS:
+        caption += ", with the undecided causes"
+    elif answer.verdict is Verdict.UNEXPLAINED:
+        caption += ", with what is not on the list"
+    # From afar one reads what to enter, and nothing else.
+    return doc.Grid.of(columns, caption=f"{caption}.", tiles=enter)
+
+
+def open_blocks(case: Case) -> Iterator[str]:
+    """Parameters that these readings do not determine, and sizes taken as stated."""
+    names = {parameter.name for parameter in case.answer.parameters}
+    for unknown in case.answer.undetermined:
+        size = f"{unknown.within:.2g} {unit_words(unknown.unit)}"
+        how = f"U = {size}" if unknown.name in names else f"taken as stated to within {size}"
+        yield f"Not determined: {unknown.name}, {how}."
+
+
+def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
+    """Differences as measured and as expected after entering; residuals before and after."""
+    answer, rows = case.answer, case.answer.deviations
+    raw, refused = answer.input.kind == DataKind.READINGS, not answer.release.usable
+    if len(rows) > _MOST_DIFFERENCES and not full:
+        rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
+    if rows and answer.as_found is not None and answer.expected is not None:
+        digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
+        after = "if entered" if refused else "expected after"
+        found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
+        table = [
+            ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
+            (after, *(signed(row.expected_mm, digits) for row in rows), expected),
+        ]
+        if full or not refused:
+            table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
+        yield doc.Grid(("Deviation, mm", *(row.name for row in rows), "r.m.s."), table)
+    if answer.rms is None:
+        return
+    alone = next((state for state in answer.explanations if state.sound), None)
+    paper = alone if answer.input.kind == DataKind.SIX and refused else None
+    if full or paper is None:
+        of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
+        left = f"{plain(answer.rms.after_mm, 4)} after"
+        if answer.alone is not None:  # the causes stay when the parameters are entered
+            left = f"{plain(answer.alone.rms_after_mm, 4)} with {case.words.many} only,"
+            left += f" {plain(answer.rms.after_mm, 4)} with {' and '.join(answer.named)}"
+        before = plain(answer.rms.before_mm, 4)
+        yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left}."
+    if paper is not None:
+        values = " ".join(signed(row.found or 0.0, 2) for row in paper.parameters)
+        rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, paper.rms_mm or 0.0))
+        yield f"As in the paper (six equations): {values}, {rms} mm r.m.s."
+
+
+def _largest_words(case: Case) -> str:
+    """The largest contribution to U in one line."""
+    largest = _largest(case.answer.budget)
+    name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
+    if name in SOURCES:
+        name = source_words(name, case.machine)[0]
+    source = f"{name}{', if present' * largest.possible}"
+    contribution = ", ± ".join(filter(None, (source, size)))
+    return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
+
+
+def budget_sections(
+    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal | None
+) -> Iterator[doc.Section]:
+    """Each source with its size, and what it adds to each parameter; nothing without a result."""
+    if total is None:
+        return
+    unit = machine.common_unit
+    rows: list[tuple[str, ...]] = []
+    for line in sorted(lines, key=lambda line: -max(line.std)):
+        if not line.minor:
+            name = source_words(line.source, machine, line.possible)[0]
+            rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
+    if any(total.minor):
+        others = counted(sum(line.minor for line in lines), "other")
+        rows.append((others, "", "", *map(two_figures, total.minor)))
+    rows.append(("together, u", "", "", *map(two_figures, total.std)))
+    u = f"U = k·u, {coverage_words(total.k)}"
+    rows.append((u, "", "", *map(two_figures, total.expanded)))
+    largest = _largest(lines)
+    name, remedy = source_words(largest.source, machine, largest.possible)
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    heads = [name if unit else f"{name} ({its})" for name, its in named]
+    grid = doc.Grid(("source", "type", "size", *heads), rows)
+    text = f"Largest contribution: {name}. {remedy}"
+    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
+
+
+def _largest(lines: Sequence[Contribution]) -> Contribution:
+    """The source that adds most variance to all parameters together."""
+    return max(lines, key=lambda line: sum(std**2 for std in line.std))
+
+
+def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
+    """A source in words, and what would reduce it; `possible` if it may be there or not."""
+    words = machine.vocabulary
+    if source in SOURCES:
+        name, remedy = (text.format(words=words) for text in SOURCES[source].values())
+        return name, remedy
+    causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
+    name = " and ".join(cause.title for cause in causes)
+    if possible:
+        return f"possible: {name}", _OPEN.format(words=words)
+    return name, f"{causes[0].advice} {_STATE}"
+
+
+def _size(line: Contribution) -> str:
+    """Its size with unit, and whether it is assumed; what has no one size is blank."""
+    if line.size is None:
+        return ""
+    value = f"{short(line.size, decimals_for(line.size))} {unit_words(line.unit)}".rstrip()
+    return f"{value} (assumed)" if line.assumed else value
+
+
+# --- what is wrong ----------------------------------------------------------------------------
+
+
+def _sizes(case: Case) -> Iterator[str]:
+    """Where the causes are, and their parameters."""
+    for cause in case.answer.causes:
+        yield from cause_sizes(cause.id, cause.parameters, cause.where)
+
+
+def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator[str]:
+    """Where a cause is, and its parameters: those of several places each at its own."""
+    if sizes and not where:
+        shown = sizes
+        if len(sizes) > _MOST_SIZES:
+            shown = sorted(sizes, key=lambda size: -abs(size.value) / (size.std or 1.0))
+            shown = shown[:_MOST_SHOWN]
+        rows = ((size.name, size.value, size.expanded, size.unit) for size in shown)
+        others = len(sizes) - len(shown)
+        rest = f" and {counted(others, 'other')}" if others else ""
+        yield f"{id}: {sizes_words(rows)}{rest}."
+    places = [where] if len(sizes) < 2 else [size.name for size in sizes]
+    for place, size in zip_longest(places, sizes) if where else ():
+        words = size_words(size.value, size.expanded, size.unit) if size else ""
+        if size and CAUSES[id].stage is Stage.RECORD:
+            words = words.lstrip("+−").replace("1 turns", "1 turn")
+            words += f" too {'high' if size.value > 0.0 else 'low'}"
+        at = "" if place.startswith(("at ", "from ")) else "at "
+        yield f"{': '.join(filter(None, (f'{id} {at}{place}', words)))}."
+
+
+def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
+    """Residuals without and with the causes, of readings fitted and not; `late`: last ones too."""
+    answer, lack = case.answer, case.answer.lack_of_fit
+    left: dict[str, tuple[float | None, float | None]] = {}
+    head = ["r.m.s., mm", f"{case.words.many} only"]
+    if answer.causes:
+        first = answer.causes[0]
+        left["fitted"] = first.rms_before_mm, first.rms_after_mm
+        left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
+        head.append(f"with {' and '.join(cause.id for cause in answer.causes)}")
+    if answer.beyond:
+        best = answer.beyond[0]
+        left["fitted"] = best.rms_before_mm, best.rms_after_mm or best.rms_before_mm
+        left["cycles left out, there"] = best.heldout_before_mm, best.heldout_after_mm
+        if late:
+            left["last third, there"] = best.last_third_before_mm, best.last_third_after_mm
+        head.append(f"with the {pattern_name(best)}")
+    if lack is not None:
+        left.setdefault("fitted", (lack.left_mm, None))
+        left[f"{case.words.noise}'s noise{case.words.also} would leave"] = lack.expected_mm, None
+    rows = [
+        (name, *("" if mm is None else plain(mm, 4) for mm in pair))[: len(head)]
+        for name, pair in left.items()
+        if pair[0] is not None
+    ]
+    return doc.Grid(head, rows)
+
+
+def _omitted(case: Case) -> str:
+    return "later readings" if case.answer.holdout else "omitted readings"
+
+
+def _baselines(case: Case) -> Iterator[str]:
+    """Predictions of a printer's extension, compared with those that need no cause."""
+    if baselines := case.answer.baselines:
+        errors = {
+            f"{case.words.many} only": baselines.parameters_mm,
+            "with the causes": baselines.extension_mm,
+            "a quartic surface": baselines.quartic_mm,
+            "the earlier map": baselines.earlier_map_mm,
+        }
+        known = (f"{name} {plain(1e3 * mm, 1)}" for name, mm in errors.items() if mm is not None)
+        yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(known)}."
+
+
+def _name(state: Explanation) -> str:
+    first, *others = (state.pattern,) if state.pattern else state.ids or (_NOTHING,)
+    return f"{first} with {' and '.join(others)}" if others else first
+
+
+def _open_grid(case: Case) -> doc.Grid:
+    """Residuals and parameters under each open state; of some it was not worth fitting."""
+    answer, names, rows = case.answer, case.machine.parameter_names, []
+    # Where nearly any cause fits, one of them shows what they may do.
+    most = 1 if "few_readings" in answer.release.codes else _MOST_OPEN
+    fitted = [state for state in answer.explanations if state.parameters]
+    sound = [state for state in fitted if state.sound]
+    others = [e for e in fitted if not e.sound and round(100.0 * e.probability)]
+    for state in (*sound, *others[:most]):
+        values = {
+            one.name: signed(one.found, decimals_for(2.0 * one.std))
+            for one in state.parameters
+            if one.found is not None
+        }
+        left = "" if state.rms_mm is None else plain(state.rms_mm, 4)
+        name = f"{case.words.many} only" if state.sound else _name(state)
+        rows.append((name, left, *(values.get(name, "") for name in names)))
+    head = f"{case.words.many}{case.machine.common_unit}"
+    return doc.Grid((head, "r.m.s. left, mm", *names), rows)
+
+
+def _cause_blocks(case: Case) -> Iterator[doc.Block]:
+    """Open explanations; each cause with place and size; what all of them gain."""
+    answer = case.answer
+    if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED):
+        yield _open_grid(case)
+    yield from _sizes(case)
+    if answer.beyond or answer.causes:
+        yield _rms_grid(case, late=True)
+    if not answer.causes:
+        return
+    facts: list[tuple[str, doc.Blank]] = []
+    for cause in answer.causes:
+        facts.append((cause.id, case.title_of(cause.id, len(cause.parameters))))
+        if cause.id in case.machine.companions:
+            facts.append(("doubt", case.machine.companions[cause.id]))
+        if not cause.in_machine and cause.id != case.machine.shape:
+            facts.append(("note", "An error of the measurement: no controller corrects it."))
+        elif not cause.recommended:
+            facts.append(("note", "Accepting it as part of the machine is not recommended."))
+        if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
+            facts.append(("looks like", ", ".join(cause.aliases)))
+    share = percent(answer.causes[0].probability, 1)
+    nothing = nothing_wrong(answer.explanations)
+    if nothing is not None:
+        share += f"; {percent(nothing, 1)} that nothing is wrong at all"
+    facts.append(("probability", share))
+    sizes = [size for cause in answer.causes for size in cause.parameters]
+    if any(size.std for size in sizes):
+        gauge = "; y_x: along y on leg x" * any(size.name == "y_x" for size in sizes)
+        facts.append(("±", f"U, 95 %{gauge}"))
+    yield doc.Facts(facts)
+
+
+def _doubts(case: Case, *, brief: bool = False) -> Iterator[str]:
+    """Faults that would not show and change little, and causes far beyond their size."""
+    answer, machine = case.answer, case.machine
+    if faults := [fault for fault in answer.unshown if not fault.matters]:
+        places = (f"{fault.id} ({fault.where})" if fault.where else fault.id for fault in faults)
+        many = brief and len(faults) > 1
+        check = "--details" if many else "; ".join(fault.check for fault in faults)
+        yield f"These readings cannot show {' or '.join(places)}. How to check: {check}."
+    large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
+    would = "would explain these readings with"
+    large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
+    for id, verb, times in large:
+        stated = "usual" if CAUSES[id].assumed(machine) else "stated"
+        key = CAUSES[id].number.get(type(machine), f"{id} under tolerances")
+        real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
+        check = f"look for {real}, or correct {key} in the machine file."
+        yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
+
+
+def _note_blocks(case: Case) -> Iterator[doc.Block]:
+    """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
+    answer = case.answer
+    known, notes = answer.release.cautions, (*answer.notes, *answer.warnings)
+    lines = [*dict.fromkeys(case.says(note) for note in notes if note not in known)]
+    lines += _doubts(case)
+    # A cause without a unit has no size: it happens or it does not.
+    if assumed := [e for e in answer.assumed_sizes if e.unit]:
+        text = ", ".join(f"{e.id} {e.size:.3g} {unit_words(e.unit)}" for e in assumed)
+        lines.append(f"Assumed sizes (not in the machine file): {text}.")
+    if answer.ruled_out:
+        lines.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
+    named, changed = sorted(cause.id for cause in answer.causes), []
+    for how, other in (answer.sensitivity or {}).items():
+        ids = sorted(other.ids)
+        doubted = f"{' and '.join(named)} is no longer certain"
+        conclusion = {
+            Verdict.CONSISTENT: "no cause is found",
+            Verdict.NAMED: f"the cause found is {' and '.join(ids)}",
+            Verdict.AMBIGUOUS: doubted if named else f"{' and '.join(ids)} is possible",
+            Verdict.UNEXPLAINED: "no listed cause explains these readings",
+        }[other.verdict]
+        if (other.verdict, ids) != (answer.verdict, named):
+            changed.append(f"With tolerances {how}, {conclusion}.")
+    if answer.sensitivity and not changed:
+        lines.append("Conclusion unchanged when tolerances are halved or doubled.")
+    yield from map(doc.small, (*lines, *changed))
+
+
+def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
+    """The method, whether the parameters alone explain the data, and the noise of one reading."""
+    answer, words = case.answer, case.words
+    method, noise, lack = Method(answer.method or ""), answer.noise, answer.lack_of_fit
+    yield "Solved by", f"{method} ({_METHODS[method]})"
+    if noise is None or lack is None:
+        return
+    fit = f"as many {words.many} as readings: they always fit exactly"
+    if lack.dof:
+        fit = (
+            f"{plain(lack.left_mm, 4)} mm r.m.s.{weighing(case.given.measured)} left with"
+            f" {words.many} only; this {words.noise}'s noise{words.also} would leave"
+            f" {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
+            f" {counted(lack.dof, 'degree')} of freedom)"
+        )
+    yield "Fit", fit
+    sizes = {
+        "repeats": noise.repeats_mm,
+        "residuals": noise.residuals_mm,
+        "stated": noise.stated_mm,
+        "resolution q/√12": noise.floor_mm,
+        "used for U": noise.used_mm,
+    }
+    known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
+    p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+    yield "Noise, mm", f"{', '.join(known)}. {words.repeats.rstrip('.')}{p}."
