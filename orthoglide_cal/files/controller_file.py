@@ -52,7 +52,10 @@ Change = tuple[Written, bytes]
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
 _ENTRY = re.compile(r"\s*(\w+)\s*(?:=|(?=:))\s*(.*?)\s*", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
-_ANY_NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE)
+# Of more digits it may be infinite.
+_ANY_NUMBER = re.compile(
+    r"[-+]?([0-9]{1,20}(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE
+)
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
 _COORDINATES = re.compile(r"\bcoordinates\s*=\s*[\"']?(\w+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
