@@ -107,15 +107,6 @@ class Conditions(Circumstances):
         return (min(known) + max(known)) / 2.0 if known else None
 
 
-def readings_from_table(table: Table, machine: Machine) -> Readings:
-    """The readings of a CSV. Raises InputError with everything that is wrong."""
-    remarks = table.check_header(ReadingRow)
-    for cells in table.rows:
-        for name in ReadingRow.only_in_sessions:
-            cells.pop(name, None)
-    return readings_in(table, machine, remarks=remarks)
-
-
 def readings_in(
     content: Content,
     machine: Machine,

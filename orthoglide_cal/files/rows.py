@@ -450,6 +450,7 @@ class Rows(Generic[R]):
         self.in_inches = ""  # the column that the row being read gives in inches
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
+        unread = schema.only_in_sessions if content.of_table else ()
         words = {f"missing {name}": (_MISSING, remedy) for name, remedy in schema.needed.items()}
         entries = content.value
         for step in path:
@@ -465,7 +466,8 @@ class Rows(Generic[R]):
             inches = schema.inches and schema.inches in cells  # a column may have no name
             self.in_inches = [*schema.needed][-1] if inches else ""
             try:
-                given = cells if isinstance(entry, dict) else entry
+                given = {name: text for name, text in cells.items() if name not in unread}
+                given = given if isinstance(entry, dict) else entry
                 self.rows[index] = schema.model_validate(given, context=self)
             except ValidationError as error:
                 content.take(error, schema, (*path, index), words)

@@ -350,8 +350,10 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     if machine != later or stated:
         entered = np.subtract(later.active, machine.active).round(9).tolist()
     first, second = (_solved(given, given.model)[0] for given in (before, after))
-    count, (was, promised), (u_was, u_promised), noise2 = _mean_squares(first)
-    touches, (now, _), (u_now, _), _ = _mean_squares(second)
+    count, touches = (int(one.posed.problem.plan.touches.sum()) for one in (first, second))
+    was, u_was, noise2 = _mean_square(first, first.measured.value)
+    promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
+    now, u_now, _ = _mean_square(second, second.measured.value)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -375,28 +377,24 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     )
 
 
-def _mean_squares(solution: Solution) -> tuple[int, list[float], list[float], float]:
-    """Mean squares of touches, as read and as the parameters leave them [mm²], and their u.
+def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, float]:
+    """Mean square of touches [mm²], its u, and what noise and local shape, as stated, make of it.
 
-    In front the number of touches; at the end what noise and local shape, as stated, leave [mm²].
+    `heights` (n,) are those of all readings, or what the parameters leave of them [mm].
     """
-    measured, machine = solution.measured, solution.model.machine
-    assert isinstance(measured, Readings)
-    touched = measured.plan.touches
-    heights = np.stack((measured.value, measured.value - solution.predicted_mm))[:, touched]
+    plan, machine = solution.posed.problem.plan, solution.model.machine
     # Without their mean: the first layer's height is set apart.
-    heights -= heights.mean(axis=1, keepdims=True)
-    count, total = heights.shape[1], (heights**2).sum(axis=1)
-    shape = machine.local_shape(measured.plan)
-    columns = shape.columns[touched] if shape else np.zeros((count, 0))
+    left = heights[plan.touches] - heights[plan.touches].mean()
+    count, total = len(left), float(left @ left)
+    shape = machine.local_shape(plan)
+    columns = shape.columns[plan.touches] if shape else np.zeros((count, 0))
     white2, inner = solution.stated_mm**2, columns.T @ columns
     noise2 = white2 + float(np.trace(inner)) / count
     # tr(C²) and mᵀCm of C = σ²I + BBᵀ; m is what is more than noise.
     square = count * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
-    share = np.maximum(1.0 - noise2 * count / total, 0.0)
-    along = share * (white2 * total + ((heights @ columns) ** 2).sum(axis=1))
-    u = np.sqrt(2.0 * square + 4.0 * along) / count
-    return count, (total / count).tolist(), u.tolist(), noise2
+    share = max(1.0 - noise2 * count / total, 0.0)
+    along = share * (white2 * total + np.sum((left @ columns) ** 2))
+    return total / count, math.sqrt(2.0 * square + 4.0 * along) / count, noise2
 
 
 def _common(

@@ -281,3 +281,14 @@ def test_leaving_out_what_is_wrong_reverses_no_sure_answer(seeds: range) -> None
             assert then.verdict in (Verdict.CONSISTENT, Verdict.AMBIGUOUS), seed
     assert named >= 0.6 * len(seeds)
     assert exact >= 0.9 * named
+
+
+def test_a_gauge_out_of_all_proportion_is_refused_with_its_reason() -> None:
+    """Sizes of metres beside a noise of a nanometre leave no digit of any evidence."""
+    readings, model = known(truth.make_session(4, truth.PROTOTYPE, truth.MICRON, ("axis_gap",)))
+    machine = model.machine
+    gauge = machine.instrument.changed(repeatability_mm=1e-6, resolution_mm=1e-6)
+    sizes = {id: 990.0 * CAUSES[id].stated(machine) for id in machine.tolerances}
+    wild = replace(model, machine=machine.changed(gauge=gauge, tolerances=sizes))
+    with pytest.raises(UnusableResultError, match="cannot be weighed"):
+        diagnose(readings, wild)

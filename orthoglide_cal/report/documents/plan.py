@@ -240,9 +240,9 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
     else:
         help_ = "hardly help" if stays > 0.87 else "help little"
         yield f"More {more} {help_}: {_stays(plan, floor)}"
+    rivals = " and ".join(plan.model.machine.rivals)
     if sigma is not None:
         surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
-        rivals = " and ".join(plan.model.machine.rivals)
         yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
     if plan.invisible:
         yield f"Cannot be seen: {listed(plan.invisible)}."
@@ -257,8 +257,7 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
     size = f"{best.readings} readings, {best.minutes:.0f} min"
     if best.causes:
         surely = "" if best.reached else ", if not surely"
-        pair = " and ".join(best.causes)
-        yield f"To distinguish {pair}{surely}: {best.what}; {size} (--layout {best.name})."
+        yield f"To distinguish {rivals}{surely}: {size} (--layout {best.name})."
     elif best.minutes < plan.chosen.minutes:
         yield f"Shorter: {size} (--design best); some faults show less."
 
