@@ -123,7 +123,7 @@ def answer_to(
     decision = release(solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
     if kept and diagnosis.verdict is not Verdict.CONSISTENT:
-        retake = Remedy.of("retake", RETAKE, kept=kept)
+        retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
     alone, diagnosed_as = widened(given, solution, diagnosis), None
     if diagnosis.verdict is not Verdict.CONSISTENT:
@@ -525,7 +525,7 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
 
 def _unexplained(diagnosis: Diagnosis) -> Release:
     patterns = [one for one in diagnosis.patterns if one.accepted]
-    remedies = tuple(Remedy.of("beyond_remedy", THEN, pattern=one) for one in patterns)
+    remedies = tuple(Remedy.of("beyond_remedy", "measure", THEN, pattern=one) for one in patterns)
     if not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
@@ -569,8 +569,7 @@ def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy
     """The measurement that would decide what is open, or that none would."""
     if following is not None and following.between:
         own = following.session
-        verb, options = (THEN, "") if own is None else ("measure", own)
-        return Remedy.of("decides", verb, options, best=following)
+        return Remedy.of("decides", "measure", THEN if own is None else own, best=following)
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
     doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
