@@ -81,7 +81,9 @@ class Model:
 
     def judging(self, then: "Model") -> "Model":
         """`Machine.judging`, with the causes that are known now."""
-        return replace(self, machine=self.machine.judging(then.machine))
+        machine = self.machine.judging(then.machine)
+        accepted = tuple(effect.transferred(self.machine, machine) for effect in self.accepted)
+        return replace(self, machine=machine, accepted=accepted)
 
     def called(self, effect: Effect) -> tuple[Estimate, ...]:
         """Parameters of an effect with the names that they have on this kind of machine."""
