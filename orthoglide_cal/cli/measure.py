@@ -99,8 +99,7 @@ def measure(
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
-    pairs = zip_longest(gauge_id or (), certificate or (), fillvalue="")
-    labels = (GaugeLabel(id=visible(id), certificate=visible(number)) for id, number in pairs)
+    labels = zip_longest(gauge_id or (), certificate or (), fillvalue="")
     request = Request(
         path=session,
         resume=resume,
@@ -121,7 +120,7 @@ def measure(
         until_mm=until,
         operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=tuple(labels),
+        gauges=tuple(GaugeLabel(id=visible(id), certificate=visible(no)) for id, no in labels),
         says=sentence,
     )
     standing, show = Standing(follow) if follow else None, session_display(json)

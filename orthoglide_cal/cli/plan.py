@@ -118,13 +118,10 @@ def plan(
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
-def write_program(program: "PostureProgram", target: Path, template: Path | None = None) -> None:
+def write_program(program: "PostureProgram", target: Path, template: Path | None) -> None:
     """Write a posture program as CSV or G-code, by the end of the name; "-" shows its table.
 
-    The template of the G-code is the one of `orthocal template gcode` if None.
-
-    Raises UsageError: a template without G-code, or the file exists; InputError: the template
-    cannot be used, or the file cannot be written.
+    Raises UsageError: a template without G-code. None is that of `orthocal template gcode`.
     """
     from importlib.resources import files
 

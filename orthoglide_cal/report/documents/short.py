@@ -1,6 +1,7 @@
 """Short documents: `machine`, `validate`, `apply`, and `paper`, this program's own check."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -92,9 +93,7 @@ def check_document(
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
     kinds, others = fault_kinds(check.problems)
     for problem, often in kinds:
-        value = f" ({problem.value!r})" if problem.value is not None else ""
-        where = f"{problem.place}: " if problem.place else ""
-        lines.append(f"  {where}{problem.what}{value}")
+        lines.append(f"  {replace(problem, file=None, remedy='').alone}")
         advice = f"{problem.remedy} {often}".strip()
         lines += [f"    → {advice}"] if advice else []
     lines += [f"  {text}" for text in others]
@@ -117,62 +116,57 @@ def application_document(
     # In the controller until then and from then on; none of a printer.
     before, after = (dict(active or {}) for active in (entry.before, entry.after))
     before, after = (after, before) if undone else (before, after)
-
-    def data() -> dict[str, object]:
-        return {
-            "schema_version": 1,
-            "simulated": simulated,
-            "machine_file": application.file.document.path,
-            "machine": machine.name,
-            "undone": undone,
-            "date": entry.date if application.changes else None,
-            "before": before,
-            "after": after,
-            "data_sha256": entry.data_sha256,
-            "corrections": [correction.model_dump() for correction in application.corrections],
-            "written": written.model_dump() if written else None,
-        }
-
-    def page() -> doc.Page:
-        words, head = machine.vocabulary, ("", "before", "change", "from now on")
+    data = {
+        "schema_version": 1,
+        "simulated": simulated,
+        "machine_file": application.file.document.path,
+        "machine": machine.name,
+        "undone": undone,
+        "date": entry.date if application.changes else None,
+        "before": before,
+        "after": after,
+        "data_sha256": entry.data_sha256,
+        "corrections": [correction.model_dump() for correction in application.corrections],
+        "written": written.model_dump() if written else None,
+    }
+    words, head = machine.vocabulary, ("", "before", "change", "from now on")
+    rows = [
+        (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
+        for name, old in before.items()
+    ]
+    caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
+    first = "The controller must hold the last column and have been homed with it."
+    if controller is not None and written is not None:
+        head, none = ("line", "what", "now", "from now on"), "(no line)"
         rows = [
-            (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
-            for name, old in before.items()
+            (str(line.line), line.key, line.before or none, doc.strong(line.after or none))
+            for line in written.values
         ]
-        caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
-        first = "The controller must hold the last column and have been homed with it."
-        if controller is not None and written is not None:
-            head, none = ("line", "what", "now", "from now on"), "(no line)"
-            rows = [
-                (str(line.line), line.key, line.before or none, doc.strong(line.after or none))
-                for line in written.values
-            ]
-            notes = map(sentence, application.remarks)
-            caption = " ".join((f"Lines of {written.target}; all others stay.", *notes))
-            if written.tables and not undone:
-                names = ", ".join(Path(table.path).name for table in written.tables)
-                held = any(line.key.endswith("BACKLASH") for line in written.values)
-                caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
-            restarts = controller.format == "linuxcnc" and not live
-            first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
-        sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
-        if application.corrections:
-            sections.append(doc.Section(None, _corrections(application.corrections)))
-        title, steps = "To be taken back", [doc.Instruction(first)]
-        if given is not None:
-            title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
-            if words.measure:
-                typed = measure_again(given.conditions, machine_file)
-                again = doc.Instruction("Measure again in the same way.", typed)
-            compare, path = "Compare with the prediction.", given.measured.source.path
-            if controller and controller.sha256 == entry.data_sha256:
-                compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
-            typed = command("verify", path, "AFTER", machine=machine_file)
-            steps += [again, doc.Instruction(compare, typed)]
-        sections.append(doc.Section(None, doc.Instructions(steps)))
-        return doc.Page(title, machine.name, sections=sections, simulated=simulated)
-
-    return doc.Document(data, page)
+        notes = map(sentence, application.remarks)
+        caption = " ".join((f"Lines of {written.target}; all others stay.", *notes))
+        if written.tables and not undone:
+            names = ", ".join(Path(table.path).name for table in written.tables)
+            held = any(line.key.endswith("BACKLASH") for line in written.values)
+            caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
+        restarts = controller.format == "linuxcnc" and not live
+        first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
+    sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
+    if application.corrections:
+        sections.append(doc.Section(None, _corrections(application.corrections)))
+    title, steps = "To be taken back", [doc.Instruction(first)]
+    if given is not None:
+        title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
+        if words.measure:
+            typed = measure_again(given.conditions, machine_file)
+            again = doc.Instruction("Measure again in the same way.", typed)
+        compare, path = "Compare with the prediction.", given.measured.source.path
+        if controller and controller.sha256 == entry.data_sha256:
+            compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
+        typed = command("verify", path, "AFTER", machine=machine_file)
+        steps += [again, doc.Instruction(compare, typed)]
+    sections.append(doc.Section(None, doc.Instructions(steps)))
+    page = doc.Page(title, machine.name, sections=sections, simulated=simulated)
+    return doc.Document(lambda: data, lambda: page)
 
 
 def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
@@ -200,23 +194,18 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
 
     As data None stands where nothing was printed or nothing can be computed.
     """
-
-    def page() -> doc.Page:
-        rows = []
-        for row in reproduction.rows:
-            computed = row.computed or (None,) * len(row.published)
-            both = (row.name, "published", row.published), ("", "computed", computed)
-            for name, origin, values in both:
-                cells = (
-                    "—" if part is None else plain(part, reproduction.digits) for part in values
-                )
-                rows.append((name, origin, *cells))
-        verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
-        if reproduction.reproduced:
-            verdict = doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
-        grid = doc.Grid(("", "", *reproduction.columns), rows, words=(0, 1))
-        kind = "Accuracy" if reproduction.table == "accuracy" else f"Table {reproduction.table}"
-        section = doc.Section(None, grid, *reproduction.notes, verdict)
-        return doc.Page(kind, reproduction.title, sections=[section])
-
-    return doc.Document(partial(reproduction.model_dump, mode="json"), page)
+    rows = []
+    for row in reproduction.rows:
+        computed = row.computed or (None,) * len(row.published)
+        both = (row.name, "published", row.published), ("", "computed", computed)
+        for name, origin, values in both:
+            cells = ("—" if part is None else plain(part, reproduction.digits) for part in values)
+            rows.append((name, origin, *cells))
+    verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
+    if reproduction.reproduced:
+        verdict = doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
+    grid = doc.Grid(("", "", *reproduction.columns), rows, words=(0, 1))
+    kind = "Accuracy" if reproduction.table == "accuracy" else f"Table {reproduction.table}"
+    section = doc.Section(None, grid, *reproduction.notes, verdict)
+    page = doc.Page(kind, reproduction.title, sections=[section])
+    return doc.Document(partial(reproduction.model_dump, mode="json"), lambda: page)
