@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, Stage, worded
+from orthoglide_cal.model.cause import Cause, Screw, worded
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -32,7 +32,6 @@ class AxisGap(Cause):
 
     id = "axis_gap"
     title = "the actuator axes do not meet in one point"
-    stage = Stage.GEOMETRY
     unit = "mm"
     # Usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2).
     sizes = MappingProxyType({Orthoglide: 0.5})
@@ -58,7 +57,6 @@ class AxisSquareness(Cause):
 
     id = "axis_squareness"
     title = "the actuator axes are not square to each other"
-    stage = Stage.GEOMETRY
     unit = "mrad"
     sizes = MappingProxyType({Orthoglide: 1.0})  # 0.2 mm over a 200 mm square, the same alignment
     scale = 1e-3
@@ -91,7 +89,6 @@ class LegLength(Cause):
 
     id = "leg_length"
     title = "the legs differ from the nominal length"
-    stage = Stage.GEOMETRY
     unit = "mm"
     # The paper states ±0.01 mm for machined links and joints.
     sizes = MappingProxyType({Orthoglide: 0.01, LinearDelta: 0.3})
@@ -141,7 +138,6 @@ class TowerLean(Cause):
 
     id = "tower_lean"
     title = "a tower leans"
-    stage = Stage.GEOMETRY
     unit = "mrad"
     # 1 mm over a frame of 500 mm, put together with a square.
     sizes = MappingProxyType({LinearDelta: 2.0})
@@ -186,7 +182,6 @@ class TowerRadius(Cause):
 
     id = "tower_radius"
     title = "the towers are not equally far from the middle"
-    stage = Stage.GEOMETRY
     unit = "mm"
     sizes = MappingProxyType({LinearDelta: 0.3})  # printed or moulded corners, bolted by hand
     names = ("a", "b", "c")

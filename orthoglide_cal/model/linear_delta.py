@@ -39,6 +39,7 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
+    HOMING_MM,
     Bed,
     Influence,
     Instrument,
@@ -256,8 +257,7 @@ class ProbePlan(Plan):
         """Local shape of the bed under each touch, columns of unit size, shape (n, m).
 
         Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`. Of more than
-        `MOST_TOUCHES` it is what the shape at no more than `KNOTS` places says of them (Nyström);
-        finer than that it counts as noise.
+        `MOST_TOUCHES` it is what the shape at no more than `KNOTS` places says of them (Nyström).
         """
         touches = np.flatnonzero(self.touches)
         knots = place = self.place[touches, :2]
@@ -273,12 +273,6 @@ class ProbePlan(Plan):
         local = np.zeros((len(self), len(size)))
         local[touches] = shape
         return read_only(local)
-
-    @property
-    def texture_rest(self) -> float:
-        """Variance of the local shape that is finer than `texture`, mean of the touches."""
-        square = (self.texture[self.touches] ** 2).sum(axis=1)
-        return max(1.0 - float(square.mean()), 0.0) if len(square) > MOST_TOUCHES else 0.0
 
     @cached_property
     def cells(self) -> Ints:
@@ -341,6 +335,8 @@ class LinearDelta(Machine):
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
     parameter_symbols = parameter_names
     parameter_units = ("mm", "mm", "mm", "mm", "deg", "deg")
+    # As well as a rule shows how high a switch is and how far out, a square the towers.
+    max_reportable_u = (1.5, 1.5, 1.5, 1.5, 1.0, 1.0)
     # What is expected of readings hardly depends on how far such a machine is off.
     linearization_points = read_only(np.zeros((1, 6)))
     # On a flat bed these look alike.
@@ -460,13 +456,8 @@ class LinearDelta(Machine):
     def plausible(self) -> tuple[float, ...]:
         """A radius is measured with a ruler, and towers are bolted to plates [mm, deg]."""
         radius_mm, angle_deg = 5.0, 2.0
-        return (*[self.homing_std_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
-
-    @property
-    def max_reportable_u(self) -> tuple[float, ...]:
-        """As well as a rule shows how high a switch is and how far out, a square the towers."""
-        length_mm, angle_deg = 1.5, 1.0
-        return (*[length_mm] * (len(TOWERS) + 1), angle_deg, angle_deg)
+        homing_mm = self.homing_mm or HOMING_MM
+        return (*[homing_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
 
     @property
     def travel_mm(self) -> float:
@@ -690,7 +681,10 @@ class LinearDelta(Machine):
 
     def local_shape(self, plan: ProbePlan) -> Influence:
         size, assumed = stated_or(self.probe.texture_mm, TEXTURE_MM)
-        columns, rest = size * plan.texture, size**2 * plan.texture_rest
+        columns, touches = size * plan.texture, int(plan.touches.sum())
+        # Mean variance of what is finer than the columns.
+        finer2 = max(size**2 - float((columns**2).sum()) / max(touches, 1), 0.0)
+        rest = finer2 if touches > MOST_TOUCHES else 0.0
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True, rest=rest)
 
     def _above(self, radius: Numbers | float) -> Numbers:

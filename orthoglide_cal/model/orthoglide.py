@@ -27,6 +27,7 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
+    HOMING_MM,
     Influence,
     Instrument,
     JointOffsets,
@@ -80,6 +81,7 @@ class Orthoglide(Machine):
     parameter_names = AXES
     parameter_symbols = tuple(f"Δρ_{axis}" for axis in AXES)
     parameter_units = ("mm", "mm", "mm")
+    max_reportable_u = (math.inf,) * 3  # an offset is stated with its U, however large that is
     # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
@@ -195,12 +197,7 @@ class Orthoglide(Machine):
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        return (self.homing_std_mm,) * len(AXES)
-
-    @property
-    def max_reportable_u(self) -> tuple[float, ...]:
-        """An offset is stated with its U, however large that is."""
-        return (math.inf,) * len(AXES)
+        return (self.homing_mm or HOMING_MM,) * len(AXES)
 
     @property
     def limits_mm(self) -> tuple[float, float]:

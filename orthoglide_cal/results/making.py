@@ -607,7 +607,7 @@ def _named(
         if found.recommended:
             remedy = Remedy.of("accept", "diagnose", f"--accept {found.id}", id=found.id)
         remedies.append(remedy)
-        if cause.corrected_at_joints(machine):
+        if cause.by_joint and machine.adds_to_joints:
             let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=found.id)
             remedies.append(let)
         beyond = any(abs(size.value) > size.expanded for size in found.parameters)
