@@ -64,13 +64,6 @@ _DIAGNOSED = (
     *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
 
-# What other data of the same file, judged alone, say where they do not contradict.
-_ALONE: Mapping[Verdict | None, str] = {
-    Verdict.NAMED: "alone_named",
-    Verdict.AMBIGUOUS: "alone_ambiguous",
-    Verdict.UNEXPLAINED: "alone_unexplained",
-}
-
 
 def answer_to(
     given: Input,
@@ -299,7 +292,7 @@ def _with_others(
     They hold the release only where their parameters contradict these beyond U, and belong to the
     same settings.
     """
-    reasons, cautions, remedies = [], [], []
+    reasons, cautions = [], []
     for other in others:
         pairs = zip(parameters, other.parameters, strict=False)
         apart = [
@@ -312,13 +305,13 @@ def _with_others(
         stale = any(reservation.code == "stale_mesh" for reservation in other.validity.reservations)
         if apart and not stale:
             reasons.append(Reason.of("other_data_contradict", data=data, apart=apart))
-            remedies.append(Remedy.of("probe_both"))
         elif apart or not other.release.usable:
+            refused = other.verdict in (None, Verdict.CONSISTENT)
             ids = tuple(cause.id for cause in other.causes)
-            judged = Reason.of(_ALONE.get(other.verdict, "alone_refused"), ids=ids)
+            judged = Reason.of("alone_refused" if refused else f"alone_{other.verdict}", ids=ids)
             cautions.append(Reason.of("other_data", data=data, judged=judged))
     if reasons:
-        return Release(reasons=tuple(reasons), remedies=tuple(remedies))
+        return Release(reasons=tuple(reasons), remedies=(Remedy.of("probe_both"),) * len(reasons))
     return decision.changed(cautions=(*decision.cautions, *cautions))
 
 
