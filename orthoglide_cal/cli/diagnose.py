@@ -98,8 +98,7 @@ def diagnose(
             return 0 if answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
-            diagnosed.require_recommended(accept)
-            extended = inference.extend(given.measured, given.model, accept, date.today())
+            extended = diagnosed.extend(accept, date.today())
             if answer.simulated:  # what is accepted from it is no knowledge of a machine
                 known = extended.machine.changed(practice=True)
                 extended = replace(extended, machine=known)
