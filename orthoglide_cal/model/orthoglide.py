@@ -112,7 +112,7 @@ class Orthoglide(Machine):
     )
     first_steps = (
         ("Measure", "measure", ""),
-        ("Or practise first, in a folder of its own", "machine new --practice", ""),
+        ("Or practise first, in another folder", "machine new --practice", ""),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
