@@ -94,8 +94,7 @@ def diagnose(
             return 0 if case.answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
-            diagnosed.require_recommended(accept)
-            extended = inference.extend(given.measured, given.model, accept, date.today())
+            extended = diagnosed.extend(accept, date.today())
             if case.answer.simulated:  # what is accepted from it is no knowledge of a machine
                 extended = replace(extended, machine=extended.machine.changed(practice=True))
             write_text(target, machine_text(extended))
