@@ -7,11 +7,13 @@ signs or their unit. All others act on the whole machine at once and are `Cause`
 import functools
 from abc import ABC, abstractmethod
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Patterns, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
@@ -68,6 +70,7 @@ class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
+    sizes = MappingProxyType({Orthoglide: 1.0})
 
     def relabel(self, plan: AnyPlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""

@@ -1,5 +1,6 @@
 """Faults of the places of rails and legs."""
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -27,6 +28,11 @@ _SHIFT.setflags(write=False)
 _LEAN.setflags(write=False)
 
 
+def _unit(vectors: Numbers) -> Numbers:
+    """The same directions, of length 1, (..., 3)."""
+    return np.asarray(vectors / np.sqrt((vectors**2).sum(axis=-1, keepdims=True)))
+
+
 class AxisGap(Cause):
     """Distances between pairs of axes; rail x lies above rail y where g_xy > 0, and so on."""
 
@@ -49,7 +55,7 @@ class AxisGap(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""
         shift = np.tensordot(theta, _SHIFT, axes=1)
-        return Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
+        return replace(geometry, points=geometry.points + shift)
 
 
 class AxisSquareness(Cause):
@@ -77,8 +83,7 @@ class AxisSquareness(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails towards each other; theta (..., 3) [rad]."""
         leaning = geometry.directions + np.tensordot(theta, _LEAN, axes=1)
-        size = np.sqrt((leaning**2).sum(axis=-1, keepdims=True))
-        return Geometry(geometry.points, leaning / size, geometry.lengths)
+        return replace(geometry, directions=_unit(leaning))
 
 
 class LegLength(Cause):
@@ -113,7 +118,7 @@ class LegLength(Cause):
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lengthen the legs; theta (..., 3) [mm]."""
-        return Geometry(geometry.points, geometry.directions, geometry.lengths + theta)
+        return replace(geometry, lengths=geometry.lengths + theta)
 
 
 MIDDLE = np.zeros(3)  # of the bed, where the tool is put
@@ -125,8 +130,7 @@ def _outwards(geometry: Geometry) -> Numbers:
     There a lean moves nothing, so that a radius found together with it goes the same way.
     """
     carriages = geometry.points + geometry.joints_for(MIDDLE)[..., None] * geometry.directions
-    away = carriages * [1.0, 1.0, 0.0]
-    return np.asarray(away / np.sqrt((away**2).sum(axis=-1, keepdims=True)))
+    return _unit(carriages * [1.0, 1.0, 0.0])
 
 
 class TowerLean(Cause):
@@ -167,11 +171,9 @@ class TowerLean(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails; theta (..., 6) [rad]."""
         out = _outwards(geometry)
-        up = np.array([0.0, 0.0, 1.0])
-        side = np.cross(up, out)
+        side = np.cross([0.0, 0.0, 1.0], out)
         lean = theta[..., :3, None] * out + theta[..., 3:, None] * side
-        leaning = geometry.directions + lean
-        directions = leaning / np.sqrt((leaning**2).sum(axis=-1, keepdims=True))
+        directions = _unit(geometry.directions + lean)
         height = geometry.joints_for(MIDDLE)[..., None]
         moved = geometry.points - height * (directions - geometry.directions)
         return Geometry(moved, directions, geometry.lengths)
@@ -196,7 +198,7 @@ class TowerRadius(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the towers outwards; theta (..., 3) [mm]."""
         shift = theta[..., :, None] * _outwards(geometry)
-        return Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
+        return replace(geometry, points=geometry.points + shift)
 
 
 CAUSES = (AxisGap(), AxisSquareness(), LegLength(), TowerLean(), TowerRadius())

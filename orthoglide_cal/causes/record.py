@@ -112,7 +112,6 @@ class SignFlip(RelabelCause):
 
     id = "sign_flip"
     title = "a gauge was read with the opposite sign"
-    sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and change the sign of its readings."
 
@@ -140,7 +139,6 @@ class SwappedGauges(ExchangeCause):
 
     id = "swapped_gauges"
     title = "the two gauges of one leg were exchanged"
-    sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "pushing each plunger alone: only its own column may change"
     advice = (
         "Check the cables or columns of the two gauges of {where}, and exchange them back, also in"
@@ -168,7 +166,6 @@ class ExchangedColumns(ExchangeCause):
 
     id = "exchanged_columns"
     title = "the columns leg and direction were exchanged"
-    sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
     instrument = "pushing each plunger alone: only its own row may change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
@@ -186,7 +183,6 @@ class WrongUnit(RelabelCause):
 
     id = "wrong_unit"
     title = "all readings are in another unit"
-    sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
     instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."

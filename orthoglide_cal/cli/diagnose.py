@@ -34,7 +34,7 @@ def diagnose(
     ),
     details: bool = common.DETAILS,
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Find what is wrong besides the offsets, and what to do about it."""
 
     from orthoglide_cal import inference
@@ -111,4 +111,4 @@ def diagnose(
         common.tell(f"{accept} is now part of {target}. Continue with:\n  {go_on}")
         return 0
 
-    common.for_each(files[-1:] if together else files, judge, as_json=json)
+    return common.for_each(files[-1:] if together else files, judge, as_json=json)

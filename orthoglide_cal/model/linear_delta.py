@@ -174,7 +174,8 @@ class ProbePlan(Plan):
     place: Floats  # where the controller believes the nozzle to be, shape (n, 3) [mm]
     other: Floats  # the second place of a distance; of a touch the place itself, (n, 3) [mm]
     surface: Floats  # height of the touched surface over the bed, (n,) [mm]; 0 for a distance
-    distance: Bools  # whether it is a distance, (n,)
+    # Whether it is a distance, (n,).
+    distance: Bools = field(default_factory=lambda: read_only(False, np.bool_))
     # Derivatives by the calibrated parameters, which have values of their own on each day, (n, 6);
     # zero on the day whose values are looked for.
     slope: Floats = field(default_factory=lambda: read_only(0.0))
@@ -311,7 +312,7 @@ class PlannedTouch(NamedTuple):
     def planned(cells: Sequence[AnyCell]) -> ProbePlan:
         """The plan of such touches in time order."""
         place, nothing = np.array([(*cell, 0.0) for cell in cells]), np.zeros(len(cells))
-        return touching(place, nothing, np.arange(len(cells)))
+        return touching(place, nothing)
 
     @property
     def stand(self) -> tuple[()]:
@@ -644,18 +645,22 @@ class LinearDelta(Machine):
             raised = plan.place[some] + [0.0, 0.0, height]
             yield (
                 Reason.of("touch_raised", places=len(some), height_mm=height),
-                touching(raised, plan.surface[some] + height, np.arange(len(some))),
+                touching(raised, plan.surface[some] + height),
                 len(some) * (MINUTES_PER_TOUCH + MINUTES_PER_BLOCK),
             )
 
     def layouts(self) -> tuple[Layout, ...]:
         """Few places or many, blocks, a printed object."""
-        calliper = self.probe.noise_mm / self.probe.calliper_mm
         heights = ", ".join(f"{height:g}" for height in BLOCKS_MM)
         turn = np.radians(30.0 + 60.0 * np.arange(6))
         ring = PILLARS * self.bed_radius_mm * np.stack((np.cos(turn), np.sin(turn)), axis=1)
-        first = np.vstack((np.zeros((6, 2)), ring))
-        printed = first, np.vstack((ring, np.roll(ring, -1, axis=0)))
+        # From the middle to each pillar, then from each pillar to the next.
+        first, second = np.zeros((2, 12, 3))
+        first[6:, :2], second[:6, :2], second[6:, :2] = ring, ring, np.roll(ring, -1, axis=0)
+        calliper = np.full(len(first), self.probe.noise_mm / self.probe.calliper_mm)
+        distance = np.full(len(first), True)
+        nothing = np.zeros(len(first))
+        printed = touching(first, nothing, other=second, distance=distance, precision=calliper)
         flat, raised, measured = [], [], []
         for count in PLACES:
             at = mixed(rings(count, REACH * self.bed_radius_mm))
@@ -664,7 +669,7 @@ class LinearDelta(Machine):
             what = f"{count} places of the bed, and again on blocks of {heights} mm"
             raised.append(layout_of(f"blocks-{count}", what, bed + up))
             what = f"{count} places of the bed, and {len(first)} distances on a printed object"
-            measured.append(layout_of(f"print-{count}", what, bed, printed, calliper))
+            measured.append(layout_of(f"print-{count}", what, bed, printed))
         return (*flat, *raised, *measured)
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
@@ -743,47 +748,32 @@ def mixed(places: Floats) -> Floats:
 def touching(
     place: Floats,
     surface: Floats,
-    order: Ints,
+    order: Ints | None = None,
     minutes: Floats | None = None,
-    other: Floats | None = None,
-    calliper: float = 1.0,
+    **distances: Numbers,
 ) -> ProbePlan:
-    """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3).
-
-    `calliper` is how precise a distance is compared to a touch: ratio of the standard deviations.
-    """
-    n, touches = len(place), len(surface)
+    """Touches of surfaces (n,) at places (n, 3) [mm]; further columns are those of `ProbePlan`."""
+    order = np.arange(len(place)) if order is None else order
     clock = np.asarray(MINUTES_PER_TOUCH * order if minutes is None else minutes, np.float64)
-    distance = np.arange(n) >= touches
-    return ProbePlan(
-        order=order,
-        hours=clock / 60.0,
-        place=place,
-        other=place if other is None else other,
-        surface=np.concatenate((surface, np.zeros(n - touches))),
-        distance=distance,
-        precision=np.where(distance, calliper, 1.0),
-    )
+    columns: dict[str, Numbers] = {"other": place, **distances}
+    return ProbePlan(order=order, hours=clock / 60.0, place=place, surface=surface, **columns)
 
 
 def layout_of(
     name: str,
     what: str,
     parts: Sequence[tuple[Floats, float]],
-    printed: tuple[Floats, Floats] | None = None,
-    calliper: float = 1.0,
+    printed: ProbePlan | None = None,
 ) -> Layout:
-    """Touches of places (m, 2), height by height, then distances between places (d, 2) [mm]."""
-    first = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
-    other, touches = first, len(first)
-    pace = np.where(first[:, 2] > 0.0, MINUTES_PER_TOUCH + MINUTES_PER_BLOCK, MINUTES_PER_TOUCH)
+    """Touches of places (m, 2) [mm], height by height, then distances on a printed object."""
+    place = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
+    raised = place[:, 2] > 0.0
+    pace = np.where(raised, MINUTES_PER_TOUCH + MINUTES_PER_BLOCK, MINUTES_PER_TOUCH)
+    plan = touching(place, place[:, 2])
     if printed is not None:
-        first, other = (
-            np.vstack((first, np.column_stack((at, np.zeros(len(at)))))) for at in printed
-        )
-        other[:touches] = first[:touches]
-        pace = np.append(pace, np.full(len(first) - touches, MINUTES_PER_DISTANCE))
-        pace[touches] += MINUTES_PER_PRINT
-    order, minutes = np.arange(len(first)), np.cumsum(pace) - pace[0]
-    plan = touching(first, first[:touches, 2], order, minutes, other, calliper)
+        plan = joined(plan, printed)
+        pace = np.append(pace, np.full(len(printed), MINUTES_PER_DISTANCE))
+        pace[len(place)] += MINUTES_PER_PRINT
+    hours = (np.cumsum(pace) - pace[0]) / 60.0
+    plan = replace(plan, order=np.arange(len(plan)), hours=hours)
     return Layout(name, what, plan, float(pace.sum()))
