@@ -1,4 +1,4 @@
-"""The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
+"""Parts of a diagnosis as they are printed: verdict, causes, their gain, what to do next."""
 
 import math
 from collections.abc import Iterable

@@ -123,7 +123,7 @@ def answer_to(
     judged = alone if consistent else _as_diagnosed(given, solution, diagnosis)
     chosen = alone if method else judged
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
-    real, only = judged if named else chosen, chosen is alone
+    real, shown_alone = judged if named else chosen, chosen is alone
     budget, offsets_only, parameters = chosen.budget, parameters_of(alone), parameters_of(chosen)
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
     # They may hold a release; without one only a page shows them.
@@ -133,7 +133,7 @@ def answer_to(
         decision = _with_others(decision, parameters, others)
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows = promise(measured, real, change, diagnosis.put_right)
-    known_by = solution.budget if only else budget
+    known_by = solution.budget if shown_alone else budget
     if decision.usable and _within_noise(model, chosen, known_by):
         # What would change then; the differences become no smaller where U allows for all of it.
         gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
@@ -149,7 +149,7 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    if only:
+    if shown_alone:
         left_mm = solution.rms_after_mm
     elif named:
         left_mm = diagnosis.causes[0].rms_after_mm
@@ -179,7 +179,7 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(parameters=offsets_only, rms_after_mm=solution.rms_after_mm)
-        if named and not only
+        if named and not shown_alone
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
@@ -197,7 +197,9 @@ def answer_to(
         budget=lines,
         total=total,
         converged=solution.converged,
-        residuals=tuple(_residuals(measured, solution, diagnosis)) if details or not only else (),
+        residuals=()
+        if shown_alone and not details
+        else tuple(_residuals(measured, solution, diagnosis)),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if rows and decision.needed else None,
         ruled_out=model.ruled_out,
