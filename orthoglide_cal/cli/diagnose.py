@@ -34,7 +34,7 @@ def diagnose(
     ),
     details: bool = common.DETAILS,
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Find what is wrong besides the offsets, and what to do about it."""
 
     from orthoglide_cal import inference
@@ -98,8 +98,7 @@ def diagnose(
             return 0 if answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
-            diagnosed.require_recommended(accept)
-            extended = inference.extend(given.measured, given.model, accept, date.today())
+            extended = diagnosed.extend(accept, date.today())
             if answer.simulated:  # what is accepted from it is no knowledge of a machine
                 known = extended.machine.changed(practice=True)
                 extended = replace(extended, machine=known)
@@ -112,4 +111,4 @@ def diagnose(
         common.tell(f"{accept} is now part of {target}. Continue with:\n  {go_on}")
         return 0
 
-    common.for_each(files[-1:] if together else files, judge, as_json=json)
+    return common.for_each(files[-1:] if together else files, judge, as_json=json)

@@ -60,9 +60,7 @@ def plan(
         sequence,
         sequence_options,
     )
-    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.plan import plan_document
-    from orthoglide_cal.results import answer_to
 
     if target is not None and cycles is not None:
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
@@ -115,7 +113,7 @@ def plan(
         diagnosis = diagnose(given.measured, model) if given else None
         ranked = rank_measurements(diagnosis) if diagnosis else ()
         planned = measurement_plan(model, wanted, ranked, full)
-        begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
+    begun = common.judged(given, machine, diagnosed=diagnosis) if given else None
     document = plan_document(planned, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 

@@ -229,7 +229,7 @@ def _simulate(
         plan = plan.steps
     readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
     for effect in model.accepted:
-        readings = effect.cause.contact(readings, effect, where, plan, machine)
+        readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect, plan, machine)
     return readings, jacobian

@@ -11,13 +11,7 @@ from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import (
-    MEANS,
-    OWNER,
-    data_words,
-    measure_again,
-    stated,
-)
+from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application, Correction
 from orthoglide_cal.words import counted, plain, short, signed, two_figures
@@ -31,10 +25,6 @@ _ELSEWHERE = {"schema_version", "name", "tolerances", "history", "identified", "
 
 def machine_document(model: Model) -> doc.Document:
     """A machine with the numbers of its file, what was entered, and what is wrong with it."""
-    return doc.Document(partial(machine_values, model), partial(_machine_page, model))
-
-
-def _machine_page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
     numbers = {key: value for key, value in values.items() if key not in _ELSEWHERE}
     facts = doc.Facts([*_rows(numbers), *stated(machine, OWNER), *stated(machine, MEANS)])
@@ -57,7 +47,8 @@ def _machine_page(model: Model) -> doc.Page:
         doc.Section("In the controller", history),
         doc.Section("What is known to be wrong with it", wrong),
     ]
-    return doc.Page("Machine", machine.name, facts=facts, sections=sections)
+    page = doc.Page("Machine", machine.name, facts=facts, sections=sections)
+    return doc.Document(lambda: values, lambda: page)
 
 
 def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, doc.Blank]]:
