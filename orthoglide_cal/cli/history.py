@@ -4,6 +4,7 @@ from pathlib import Path
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, option
+from orthoglide_cal.errors import InputError
 
 
 def history(
@@ -31,7 +32,13 @@ def history(
     for path in map(Path, sessions):
         within = sessions_in(path) if path.is_dir() else [path]
         paths += within + sorted(printers_in(path))
-    inputs = [common.read_input(str(path), machine, data) for path in paths]
+    inputs = []
+    for path in paths:
+        try:
+            inputs.append(common.read_input(str(path), machine, data))
+        except InputError as error:
+            error.remedy = f"{error.remedy} Or leave it out: name the other files.".strip()
+            raise
     with common.working(counted(len(paths), "file")):
         adjusted = {one.measured.source.sha256: adjusted_since(one) for one in inputs}
         comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted)

@@ -321,7 +321,7 @@ def _check_kind(settings: Settings) -> None:
         settings.note(("printer", "kinematics"), what, "Give a delta's file.")
         raise settings.error()
     if not kind and not {"printer", *_TOWERS} & set(settings.sections):
-        what = "The file does not describe a linear delta: it has no [printer] and no [stepper_a]."
+        what = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
         remedy = "Give the printer.cfg of a delta."
         if settings.included:
             remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."

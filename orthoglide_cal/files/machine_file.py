@@ -45,7 +45,8 @@ from orthoglide_cal.schema import (
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
-    r"^(#\*# )?\[\s*(printer|stepper_\w+|mcu|bed_mesh|gcode_macro|include)\b",
+    r"^(#\*# )?\[\s*(printer|stepper_\w+|mcu|bed_mesh|delta_calibrate|gcode_macro|include"
+    r"|probe|bltouch|extruder\d*|\w*heater_\w+|\w*fan|tmc\d+|temperature_\w+|input_shaper)\b",
     re.MULTILINE | re.IGNORECASE,
 )
 DEFAULT_NAME = "orthoglide_prototype.yaml"

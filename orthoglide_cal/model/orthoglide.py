@@ -39,7 +39,6 @@ from orthoglide_cal.model.machine import (
     SimulationOptions,
     Suspicion,
     Vocabulary,
-    empty,
     stated_or,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
@@ -58,7 +57,7 @@ from orthoglide_cal.schema import Number, ask
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
 ZERO_RANGE_MM = 1.0  # synthetic gauge zeros lie anywhere within this distance of the origin
-_ZERO = dict.fromkeys(AXES, 0.0)
+_ZERO = JointOffsets(0.0, 0.0, 0.0)
 # Pace assumed where nobody measured the time: readings, and moves of the stand [min].
 MINUTES_PER_POSTURE = 0.4
 MINUTES_PER_SETUP = 4.0
@@ -134,12 +133,10 @@ class Orthoglide(Machine):
     ]
     workspace_mm: Annotated[Length, ask("Workspace", "edge of the cube in which errors are shown")]
     gauge: Gauge  # normally used on it
-    # Already active in the controller.
-    offsets_mm: Annotated[
-        Named[JointOffsets],
-        BeforeValidator(lambda given: _ZERO | given if isinstance(given, dict) else given),
-        BeforeValidator(empty),
-    ] = JointOffsets(**_ZERO)
+    # Already active in the controller; nothing after the key is zero; of some, all are needed.
+    offsets_mm: Annotated[Named[JointOffsets], BeforeValidator(lambda given: given or _ZERO)] = (
+        _ZERO
+    )
 
     @field_validator("parallelogram_width_mm")
     @classmethod

@@ -126,7 +126,9 @@ def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> 
     path = tmp_path / "printer.cfg"
     path.write_text(printer_cfg(V400, OFF), encoding="utf-8")
     case = case_of(read_input(str(path), stored=data))
-    assert missing(report_of(case), drawn(case)) == []
+    document = report_of(case)
+    assert missing(document, drawn(case)) == []
+    assert "Repeats alone" not in repr(document)  # no place was touched twice
 
 
 @pytest.mark.parametrize(

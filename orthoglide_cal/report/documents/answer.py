@@ -769,5 +769,8 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         "used for U": noise.used_mm,
     }
     known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
-    p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-    yield "Noise, mm", f"{', '.join(known)}. {words.repeats.rstrip('.')}{p}."
+    alone = ""
+    if noise.repeats_mm is not None:
+        p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+        alone = f" {words.repeats.rstrip('.')}{p}."
+    yield "Noise, mm", f"{', '.join(known)}.{alone}"
