@@ -323,7 +323,7 @@ def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> N
 def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
     steps, target = steps_of(NOMINAL), tmp_path / "program.csv"
     foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name='=1+1,"x"'))
-    write_program(posture_program(foreign, steps, SESSION), target)
+    write_program(posture_program(foreign, steps, SESSION), target, None)
     with target.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     visits = visits_of(steps)

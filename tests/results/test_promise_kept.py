@@ -21,7 +21,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results import Answer, answer_to
 from tests import truth
-from tests.inference.sessions import known
+from tests.inference.sessions import changed, known
 from tests.results.sessions import given
 from tests.truth.plan import AXIS_NAMES, SETUPS
 
@@ -52,8 +52,11 @@ def accepted(measured: Readings, model: Model, session: truth.Session, seed: int
         found = {name: Estimate(value=v, std=LEGS_MM, unit="mm") for name, v in lengths.items()}
         legs = CAUSES["leg_length"].estimated(found, np.eye(3))
         return model.extended([legs.accepted(DAY.isoformat(), "0" * 64)])
+    diagnosis = diagnose(measured, model)
+    # Also one of which the program would say that it changes from day to day.
+    causes = tuple(cause.changed(recommended=True) for cause in diagnosis.causes)
     try:
-        return diagnose(measured, model).extend(effect.id, DAY)
+        return changed(diagnosis, causes=causes).extend(effect.id, DAY)
     except UnusableResultError:
         return None
 
