@@ -101,7 +101,7 @@ class Orthoglide(Machine):
         more="Measure again with more postures.",
         fewest=None,
         noise="gauge",
-        repeats="Repeats alone understate the scatter: same set-up.",
+        repeats="Repeats alone{p} understate the scatter: same set-up.",
         again="Check the set-up, measure again, and compare the two sessions.",
         positions="postures",
         instruments="gauges",
@@ -114,7 +114,7 @@ class Orthoglide(Machine):
     )
     first_steps = (
         ("Measure", "measure", ""),
-        ("Or practise first, in a folder of its own", "machine new --practice", ""),
+        ("Or practise, in a folder of its own", "machine new --practice", ""),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")

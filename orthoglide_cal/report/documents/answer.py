@@ -145,13 +145,14 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
     Where a screen has too few lines for it, notes give way, then baselines, the reminder to
-    solve again, the residuals, and all steps but the first.
+    solve again, the residuals, and all steps but the first ones.
     """
     answer, named = case.answer, case.answer.verdict is Verdict.NAMED
     undecided = answer.verdict is Verdict.AMBIGUOUS
     most = _UNDECIDED if undecided else _BEYOND if answer.beyond else _DECIDED
     baselines, steps = [*_baselines(case)], [*_diagnosis_steps(case)]
-    first, others = steps[:1], steps[1:]
+    kept = 1 + undecided  # what is wrong in any case, and what decides
+    first, others = steps[:kept], steps[kept:]
     residuals = [brief_residuals(case)] if named else []
     again = []
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
@@ -770,4 +771,4 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     }
     known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-    yield "Noise, mm", f"{', '.join(known)}. {words.repeats.rstrip('.')}{p}."
+    yield "Noise, mm", f"{', '.join(known)}. {words.repeats.format(p=p)}"
