@@ -170,11 +170,10 @@ class Dialogue:
         counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
-        if (until := self.until_mm) is not None and not self._known_within(until):
+        until = self.until_mm
+        if not (until is None or state.dropped or self._known_within(until)):
             enough = command("plan", options=f"--target {until:g}")
-            lines.append(
-                f"Not every offset is known within {until:g} mm. How many cycles: {enough}"
-            )
+            lines.append(f"Not every offset is known within {until:g} mm. More cycles: {enough}")
         if first:
             lines.append(f"The {len(first.readings)} earlier readings are in the same file.")
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
