@@ -7,11 +7,13 @@ signs or their unit. All others act on the whole machine at once and are `Cause`
 import functools
 from abc import ABC, abstractmethod
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Patterns, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
@@ -23,9 +25,6 @@ class PatternCause(Cause):
     """
 
     names: tuple[str, ...] = ("size",)
-
-    def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
-        return tuple(self.spoiled(place, plan).tolist()) if self.stage is Stage.RECORD else ()
 
     def millimetres(self, machine: Machine) -> float:
         """One unit of its size in what the patterns are multiplied by."""
@@ -51,30 +50,27 @@ class PatternCause(Cause):
         """Readings added by one internal unit of each parameter, shape (n, p)."""
         return self.patterns(plan, (place,)).columns(slice(None))
 
-    def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
+    def added(
+        self,
+        readings: Numbers,
+        effect: Effect,
+        plan: AnyPlan,
+        machine: Machine,
+        where: object = None,
     ) -> Numbers:
-        """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
-        acts = self.stage is Stage.CONTACT
-        return heights + self._added(effect, plan, machine) if acts else heights
-
-    def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
-        """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
-        acts = self.stage is Stage.RECORD
-        return readings + self._added(effect, plan, machine) if acts else readings
+        """Reading += pattern · theta, shape (..., 1): its method of contact, or of record."""
+        pattern = self._pattern(effect.place, plan)
+        return readings + self.millimetres(machine) * (effect.theta @ pattern.T)
 
     def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
-        return readings - self._added(effect, plan, machine)
-
-    def _added(self, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
-        pattern = self._pattern(effect.place, plan)
-        return np.asarray(self.millimetres(machine) * (effect.theta @ pattern.T))
+        return self.added(readings, replace(effect, theta=-effect.theta), plan, machine)
 
 
 class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
+    sizes = MappingProxyType({Orthoglide: 1.0})
 
     def relabel(self, plan: AnyPlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""

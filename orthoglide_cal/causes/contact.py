@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.causes.base import PatternCause, apart, series_places, there, words_of
-from orthoglide_cal.model.cause import Cause, Effect, Place, Screw, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Place, Screw
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
@@ -24,7 +24,6 @@ class BarSkew(Cause):
 
     id = "bar_skew"
     title = "a touched bar is not parallel to its leg"
-    stage = Stage.CONTACT
     unit = "mrad"
     # The face of the bar that the plunger runs on, to its centre line.
     sizes = MappingProxyType({Orthoglide: 1.0})
@@ -43,13 +42,13 @@ class BarSkew(Cause):
         return Screw(leg, f"the bar of leg {AXES[leg].upper()} at the tool", "this end of the bar")
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: GaugePlan, machine: Machine
+        self, readings: Numbers, effect: Effect, plan: GaugePlan, machine: Machine, where: Numbers
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
         members = np.array([plan.of(series) for series in _SERIES])
         # Turned half round, a bar rises where it fell.
         slope: Numbers = effect.theta @ (members * np.where(plan.turned, -1.0, 1.0))
-        return np.asarray(heights + slope * where * machine.nominal_rails.lengths[plan.leg])
+        return np.asarray(readings + slope * where * machine.nominal_rails.lengths[plan.leg])
 
 
 class GaugeDrift(PatternCause):
@@ -57,7 +56,6 @@ class GaugeDrift(PatternCause):
 
     id = "gauge_drift"
     title = "a gauge or its stand creeps"
-    stage = Stage.CONTACT
     unit = "mm/h"
     # A magnetic stand settling, a plunger arm creeping.
     sizes = MappingProxyType({Orthoglide: 0.05})
@@ -72,6 +70,8 @@ class GaugeDrift(PatternCause):
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return words_of(plan, place)
 
+    contact = PatternCause.added
+
     def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Patterns:
         hours = [there(plan, at) * plan.hours for at in places]
         return Patterns.of(plan, np.stack(hours, axis=1))
@@ -82,7 +82,6 @@ class StandShift(PatternCause):
 
     id = "stand_shift"
     title = "a gauge or its stand was knocked"
-    stage = Stage.CONTACT
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: 0.1})  # a light knock against the stand
     names = ("step",)
@@ -97,6 +96,8 @@ class StandShift(PatternCause):
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         rows, first = plan.sequence
         return tuple((i,) for i in np.sort(rows[~first]).tolist())
+
+    contact = PatternCause.added
 
     def onward(self, place: Place) -> bool:
         return True
@@ -156,7 +157,6 @@ class _Surface(Cause):
     A term's name is its formula: "xxy" is x²y, "z4_2" Zernike's polynomial of degree 4.
     """
 
-    stage = Stage.CONTACT
     unit = "mm"
     lasting = True
 
@@ -181,7 +181,7 @@ class _Surface(Cause):
         return first
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: ProbePlan, machine: Machine
+        self, readings: Numbers, effect: Effect, plan: ProbePlan, machine: Machine, where: Numbers
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
         x, y, _ = np.moveaxis(where, -1, 0)
@@ -191,7 +191,7 @@ class _Surface(Cause):
             sizes[..., k, None] * x**across * y**along
             for k, (across, along) in enumerate(self._powers)
         )
-        return np.asarray(heights + plan.touches * shape)
+        return np.asarray(readings + plan.touches * shape)
 
 
 class BedShape(_Surface):
@@ -237,7 +237,6 @@ class ProbeDrift(Cause):
 
     id = "probe_drift"
     title = "the probe drifts"
-    stage = Stage.CONTACT
     unit = "mm/h"
     # An inductive probe or its mount cooling by some degrees.
     sizes = MappingProxyType({LinearDelta: 0.05})
@@ -248,10 +247,10 @@ class ProbeDrift(Cause):
     advice = "Let bed and probe reach their temperature, wait ten minutes, and probe again."
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: ProbePlan, machine: Machine
+        self, readings: Numbers, effect: Effect, plan: ProbePlan, machine: Machine, where: Numbers
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
-        return heights + plan.touches * effect.theta * plan.hours
+        return readings + plan.touches * effect.theta * plan.hours
 
 
 CAUSES = (

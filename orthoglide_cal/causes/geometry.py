@@ -1,10 +1,11 @@
 """Faults of the places of rails and legs."""
 
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, Stage, worded
+from orthoglide_cal.model.cause import Cause, Screw, worded
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -27,12 +28,16 @@ _SHIFT.setflags(write=False)
 _LEAN.setflags(write=False)
 
 
+def _unit(vectors: Numbers) -> Numbers:
+    """The same directions, of length 1, (..., 3)."""
+    return np.asarray(vectors / np.sqrt((vectors**2).sum(axis=-1, keepdims=True)))
+
+
 class AxisGap(Cause):
     """Distances between pairs of axes; rail x lies above rail y where g_xy > 0, and so on."""
 
     id = "axis_gap"
     title = "the actuator axes do not meet in one point"
-    stage = Stage.GEOMETRY
     unit = "mm"
     # Usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2).
     sizes = MappingProxyType({Orthoglide: 0.5})
@@ -50,7 +55,7 @@ class AxisGap(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""
         shift = np.tensordot(theta, _SHIFT, axes=1)
-        return Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
+        return replace(geometry, points=geometry.points + shift)
 
 
 class AxisSquareness(Cause):
@@ -58,7 +63,6 @@ class AxisSquareness(Cause):
 
     id = "axis_squareness"
     title = "the actuator axes are not square to each other"
-    stage = Stage.GEOMETRY
     unit = "mrad"
     sizes = MappingProxyType({Orthoglide: 1.0})  # 0.2 mm over a 200 mm square, the same alignment
     scale = 1e-3
@@ -79,8 +83,7 @@ class AxisSquareness(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails towards each other; theta (..., 3) [rad]."""
         leaning = geometry.directions + np.tensordot(theta, _LEAN, axes=1)
-        size = np.sqrt((leaning**2).sum(axis=-1, keepdims=True))
-        return Geometry(geometry.points, leaning / size, geometry.lengths)
+        return replace(geometry, directions=_unit(leaning))
 
 
 class LegLength(Cause):
@@ -91,7 +94,6 @@ class LegLength(Cause):
 
     id = "leg_length"
     title = "the legs differ from the nominal length"
-    stage = Stage.GEOMETRY
     unit = "mm"
     # The paper states ±0.01 mm for machined links and joints.
     sizes = MappingProxyType({Orthoglide: 0.01, LinearDelta: 0.3})
@@ -116,7 +118,7 @@ class LegLength(Cause):
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lengthen the legs; theta (..., 3) [mm]."""
-        return Geometry(geometry.points, geometry.directions, geometry.lengths + theta)
+        return replace(geometry, lengths=geometry.lengths + theta)
 
 
 MIDDLE = np.zeros(3)  # of the bed, where the tool is put
@@ -128,8 +130,7 @@ def _outwards(geometry: Geometry) -> Numbers:
     There a lean moves nothing, so that a radius found together with it goes the same way.
     """
     carriages = geometry.points + geometry.joints_for(MIDDLE)[..., None] * geometry.directions
-    away = carriages * [1.0, 1.0, 0.0]
-    return np.asarray(away / np.sqrt((away**2).sum(axis=-1, keepdims=True)))
+    return _unit(carriages * [1.0, 1.0, 0.0])
 
 
 class TowerLean(Cause):
@@ -141,7 +142,6 @@ class TowerLean(Cause):
 
     id = "tower_lean"
     title = "a tower leans"
-    stage = Stage.GEOMETRY
     unit = "mrad"
     # 1 mm over a frame of 500 mm, put together with a square.
     sizes = MappingProxyType({LinearDelta: 2.0})
@@ -171,11 +171,9 @@ class TowerLean(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails; theta (..., 6) [rad]."""
         out = _outwards(geometry)
-        up = np.array([0.0, 0.0, 1.0])
-        side = np.cross(up, out)
+        side = np.cross([0.0, 0.0, 1.0], out)
         lean = theta[..., :3, None] * out + theta[..., 3:, None] * side
-        leaning = geometry.directions + lean
-        directions = leaning / np.sqrt((leaning**2).sum(axis=-1, keepdims=True))
+        directions = _unit(geometry.directions + lean)
         height = geometry.joints_for(MIDDLE)[..., None]
         moved = geometry.points - height * (directions - geometry.directions)
         return Geometry(moved, directions, geometry.lengths)
@@ -186,7 +184,6 @@ class TowerRadius(Cause):
 
     id = "tower_radius"
     title = "the towers are not equally far from the middle"
-    stage = Stage.GEOMETRY
     unit = "mm"
     sizes = MappingProxyType({LinearDelta: 0.3})  # printed or moulded corners, bolted by hand
     names = ("a", "b", "c")
@@ -201,7 +198,7 @@ class TowerRadius(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the towers outwards; theta (..., 3) [mm]."""
         shift = theta[..., :, None] * _outwards(geometry)
-        return Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
+        return replace(geometry, points=geometry.points + shift)
 
 
 CAUSES = (AxisGap(), AxisSquareness(), LegLength(), TowerLean(), TowerRadius())

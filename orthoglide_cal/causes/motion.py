@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, Stage, worded
+from orthoglide_cal.model.cause import Cause, Screw, worded
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
@@ -17,7 +17,6 @@ class EncoderScale(Cause):
 
     id = "encoder_scale"
     title = "a carriage moves more or less than indicated"
-    stage = Stage.MOTION
     unit = "1e-3"
     # Belt or screw lead error, or a scale entered with few digits.
     sizes = MappingProxyType({Orthoglide: 1.0, LinearDelta: 1.0})
@@ -50,7 +49,6 @@ class Backlash(Cause):
 
     id = "backlash"
     title = "a carriage has lost motion"
-    stage = Stage.MOTION
     unit = "mm"
     # A worn but serviceable screw and nut.
     sizes = MappingProxyType({Orthoglide: 0.02, LinearDelta: 0.05})
@@ -81,7 +79,6 @@ class ThermalDrift(Cause):
 
     id = "thermal_drift"
     title = "the actuator zeros drift with time"
-    stage = Stage.MOTION
     unit = "mm/h"
     # 300 mm of steel and aluminium warming by a few degrees an hour.
     sizes = MappingProxyType({Orthoglide: 0.05, LinearDelta: 0.05})
@@ -105,7 +102,6 @@ class HomeSwitch(Cause):
     """Joint offsets, as switches that stand at the wrong place: for `adjust`, never suspected."""
 
     id = "home_switch"
-    stage = Stage.MOTION
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: OFFSET_MM})  # a printer's endstops are numbers
     names = ("x", "y", "z")

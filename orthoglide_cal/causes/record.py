@@ -16,7 +16,7 @@ from orthoglide_cal.causes.base import (
     there,
     words_of,
 )
-from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
+from orthoglide_cal.model.cause import EVERYWHERE, Place
 from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -39,7 +39,6 @@ class Misread(PatternCause):
 
     id = "misread"
     title = "one reading is wrong"
-    stage = Stage.RECORD
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})  # a slip of one numbered division
     hides_reading = True
@@ -60,6 +59,11 @@ class Misread(PatternCause):
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
         return "; ".join(machine.reading_words(plan, reading) for reading in place)
 
+    record = PatternCause.added
+
+    def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
+        return tuple(sorted(place))
+
     def _pattern(self, place: Place, plan: AnyPlan) -> Floats:
         return self.patterns(plan, tuple((reading,) for reading in place)).columns(slice(None))
 
@@ -72,7 +76,6 @@ class GaugeSlip(PatternCause):
 
     id = "gauge_slip"
     title = "whole turns of the dial were miscounted"
-    stage = Stage.RECORD
     unit = "turns"
     sizes = MappingProxyType({Orthoglide: 1.0})  # the small pointer was misjudged by one
     names = ("turns",)
@@ -82,6 +85,8 @@ class GaugeSlip(PatternCause):
 
     def possible(self, machine: Machine) -> bool:
         return super().possible(machine) and machine.instrument.turn_mm > 0.0
+
+    record = PatternCause.added
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         return apart(plan, self.spoiled(place, plan))
@@ -107,8 +112,6 @@ class SignFlip(RelabelCause):
 
     id = "sign_flip"
     title = "a gauge was read with the opposite sign"
-    stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and change the sign of its readings."
 
@@ -136,8 +139,6 @@ class SwappedGauges(ExchangeCause):
 
     id = "swapped_gauges"
     title = "the two gauges of one leg were exchanged"
-    stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "pushing each plunger alone: only its own column may change"
     advice = (
         "Check the cables or columns of the two gauges of {where}, and exchange them back, also in"
@@ -165,8 +166,6 @@ class ExchangedColumns(ExchangeCause):
 
     id = "exchanged_columns"
     title = "the columns leg and direction were exchanged"
-    stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
     instrument = "pushing each plunger alone: only its own row may change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
@@ -184,8 +183,6 @@ class WrongUnit(RelabelCause):
 
     id = "wrong_unit"
     title = "all readings are in another unit"
-    stage = Stage.RECORD
-    sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
     instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."

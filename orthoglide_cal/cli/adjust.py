@@ -1,7 +1,5 @@
 """`orthocal adjust`: correct a named cause with its screw, live."""
 
-import typer
-
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
@@ -20,7 +18,7 @@ def adjust(
     ),
     machine: File = common.MACHINE,
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
     from orthoglide_cal.causes import HOME_SWITCH
     from orthoglide_cal.inference import diagnose
@@ -43,7 +41,7 @@ def adjust(
         if HOME_SWITCH.usual(type(known)) is None:
             fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
-        released(given, machine, diagnosed=diagnosis)
+        released(common.judged(given, machine, diagnosed=diagnosis))
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
@@ -59,5 +57,4 @@ def adjust(
             adjustments=dialogue.adjusted,
         )
         common.deliver(adjustment_document(answer, given, machine), as_json=json)
-        if answer.failed:
-            raise typer.Exit(UnusableResultError.exit_code)
+        return UnusableResultError.exit_code if answer.failed else 0

@@ -41,6 +41,8 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 _ASCII = {
     "−": "-", "–": "-", "±": "+/-", "→": "->", "←": "<-", "µ": "u", "σ": "s", "·": ".", "✔": "+",
 }  # fmt: skip
+# What the commands that have one result call their input.
+_INPUTS = ("file", "session", "before", "sessions")
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own
@@ -60,9 +62,8 @@ class _Commands(TyperGroup):
     """
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings)
-        names: Any = _COMMANDS
-        self.commands = names  # to list, and to suggest for what is no command
+        # Their names are listed, and suggested for what is no command.
+        super().__init__(**{**settings, "commands": _COMMANDS})
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:
         return get_command(_COMMANDS[cmd_name]) if cmd_name in _COMMANDS else None
@@ -73,9 +74,11 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except OrthocalError as error:
-            given = ctx.obj or {} if as_json else {}
-            path = given.get("file") or given.get("session") or getattr(error, "file", None)
-            common.tell_error(error, None if path is None else str(path), as_json)
+            # As JSON every error names its input, the first one where a command has several.
+            inputs = (ctx.obj or {}).get
+            path = next(filter(None, map(inputs, _INPUTS)), getattr(error, "file", None))
+            path = path[0] if isinstance(path, list) else path
+            common.tell_error(error, str(path) if path and as_json else None, as_json)
             raise typer.Exit(error.exit_code) from error
         except TyperException as error:
             # What the library refuses, in its words, is told as all else is.

@@ -1,10 +1,7 @@
 """`orthocal apply`: what goes into the controller, written there if wanted, and recorded."""
 
-import sys
 from datetime import datetime
 from pathlib import Path
-
-import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
@@ -48,78 +45,66 @@ def apply(
 
     if session is None and not undo:
         raise UsageError("It is not clear which offsets were entered.", "Name the session.")
-    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UsageError("`apply` asks before it changes anything.", "In a script, give --yes.")
-
-    def agrees(question: str) -> bool:
-        return yes or typer.confirm(question, err=True)
-
-    def judge(path: str) -> None:
-        controller = controller_file(to) if to else None
-        known = machine or (machine_of_controller(Path(), controller) if controller else None)
-        file = common.own_machine_file(known) if known or undo or not to else None
-        if undo and file:
-            sha256 = read_input(path, file.model).measured.source.sha256 if path else None
-            entry = take_back(file, sha256, controller)
-        else:
-            given = common.read_input(path, machine, data, rule_out)
-            measured_on = given.model.machine
-            elsewhere = recording(given) == "elsewhere"
-            if elsewhere and controller is None:
+    agrees = common.agreement(yes, "`apply` asks before it changes anything.")
+    path, controller = session or "", controller_file(to) if to else None
+    known = machine or (machine_of_controller(Path(), controller) if controller else None)
+    file = common.own_machine_file(known) if known or undo or not to else None
+    if undo and file:
+        sha256 = read_input(path, file.model).measured.source.sha256 if path else None
+        entry = take_back(file, sha256, controller)
+    else:
+        given = common.read_input(path, machine, data, rule_out)
+        measured_on = given.model.machine
+        if recording(given) == "elsewhere":
+            if controller is None:
                 options = f"--format {measured_on.controller_formats[0]}"
                 shown = command("export", path, machine=machine, options=options)
                 written = command("apply", path, machine=machine, options="--to printer.cfg")
                 fault = "Its firmware keeps what it is given; nothing is recorded here."
                 raise UsageError(fault, f"See what to give it: {shown}\nOr write it: {written}")
-            if file is None and elsewhere and controller:  # a printer needs none
-                file = new_machine_file(given.model, controller.target)
-            file = file or common.own_machine_file(None)
-            check_measured(given, None if to else file)
-            check_not_adjusted(given.measured.source, machine)
-            corrects = controller.corrects(measured_on) if controller else ()
-            answer = released(given, machine, corrects=corrects).answer
-            entry = application(given, answer, file, datetime.now().astimezone(), controller)
-        controller, target = entry.controller, entry.file.document.path
-        otherwise = running(controller) if controller else None
-        live = otherwise == "" and not entry.tables
-        document = application_document(entry, machine, live)
-        if not entry.changes:
-            if json:
-                common.deliver(document, as_json=True)
-            common.tell(f"{NOT_NEEDED}. Nothing was changed.")
-            return
+            file = file or new_machine_file(given.model, controller.target)  # it needs none
+        file = file or common.own_machine_file(None)
+        check_measured(given, None if to else file)
+        check_not_adjusted(given.measured.source, machine)
+        corrects = controller.corrects(measured_on) if controller else ()
+        answer = released(common.judged(given, machine, corrects=corrects)).answer
+        entry = application(given, answer, file, datetime.now().astimezone(), controller)
+    controller, target = entry.controller, entry.file.document.path
+    otherwise = running(controller) if controller else None
+    live = otherwise == "" and not entry.tables
+    document = application_document(entry, machine, live)
+    if entry.changes:
         for written in (target, *([controller.target] if controller else [])):
             if not server(written):
                 check_writable(Path(written).resolve())
         if not json:
             common.deliver(document)
-        action = "Take them back" if undo else "Record them"
-        question = f"Does the controller hold these values now? {action} in {target}"
         if otherwise:
             common.tell(otherwise)
+        action = "Take them back" if undo else "Record them"
+        question = f"Does the controller hold these values now? {action} in {target}"
         if controller:
             question = f"Write this to {controller.target}, and record it in {target}"
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
         entry.write()
-        if json:
-            common.deliver(document, as_json=True)
-        common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
-        if controller and live:
-            question = (
-                "A LinuxCNC that holds the same offsets runs on this computer. Set them there,"
-            )
-            if not agrees(f"{question} too, so that homing again is enough"):
-                common.tell("Restart LinuxCNC, then home: it reads its INI only when it starts.")
-            elif is_live(controller_file(controller.target), anew=True):
-                common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
-            else:
-                problem = "The running LinuxCNC does not take the offsets; its INI holds them."
-                raise InputError(problem, "Restart LinuxCNC, then home.")
-        question = "The firmware reads its file when it starts. Restart it now"
-        if controller and server(controller.target) and agrees(question):
-            restart(controller.target)
-            common.tell("The firmware restarts. Home (G28) and probe a new mesh.")
-
-    common.for_each([session or ""], judge, as_json=json)
+    if json:
+        common.deliver(document, as_json=True)
+    if not entry.changes:
+        common.tell(f"{NOT_NEEDED}. Nothing was changed.")
+        return
+    common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
+    if controller and live:
+        question = "A LinuxCNC that holds the same offsets runs on this computer. Set them there,"
+        if not agrees(f"{question} too, so that homing again is enough"):
+            common.tell("Restart LinuxCNC, then home: it reads its INI only when it starts.")
+        elif is_live(controller_file(controller.target), anew=True):
+            common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
+        else:
+            problem = "The running LinuxCNC does not take the offsets; its INI holds them."
+            raise InputError(problem, "Restart LinuxCNC, then home.")
+    question = "The firmware reads its file when it starts. Restart it now"
+    if controller and server(controller.target) and agrees(question):
+        restart(controller.target)
+        common.tell("The firmware restarts. Home (G28) and probe a new mesh.")

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 import typer
 from typer.core import TyperCommand
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.model.model import Model
     from orthoglide_cal.planning.steps import MeasuringProtocol
+    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.document import Document
 
 NO_COLOUR = "no_colour"
@@ -77,7 +78,7 @@ class PlainCommand(TyperCommand):
         if ctx.params.pop(NO_COLOUR):
             os.environ["NO_COLOR"] = "1"  # for rich and every child process
         ctx.find_root().obj = ctx.params
-        return super().invoke(ctx)
+        raise typer.Exit(super().invoke(ctx) or 0)  # what a command returns is its exit code
 
 
 def option(
@@ -206,10 +207,18 @@ def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringPro
     return MeasuringProtocol(f"{protocol}-posture") if protocol else None
 
 
-def for_each(
-    files: Sequence[str], judge: Callable[[str], int | None], *, as_json: bool = False
-) -> NoReturn:
-    """Judge each file alone, in order; the worst exit code wins (None is 0).
+def agreement(yes: bool, fault: str) -> Callable[[str], bool]:
+    """Asks the person at the terminal, who may have agreed to everything (`yes`).
+
+    Raises UsageError with this fault where nobody can be asked.
+    """
+    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise UsageError(fault, "In a script, give --yes.")
+    return lambda question: yes or typer.confirm(question, err=True)
+
+
+def for_each(files: Sequence[str], judge: Callable[[str], int], *, as_json: bool = False) -> int:
+    """Judge each file alone, in order, and return the worst exit code.
 
     One that fails gives a message on standard error, or {"input": …, "error": …} on standard
     output in its place.
@@ -219,12 +228,12 @@ def for_each(
     gc.freeze()
     for path in files:
         try:
-            code = judge(path) or 0
+            code = judge(path)
         except OrthocalError as error:
             code = error.exit_code
             tell_error(error, path, as_json)
         worst = max(worst, code)
-    raise typer.Exit(worst)
+    return worst
 
 
 def read_input(
@@ -259,6 +268,15 @@ def read_input(
         return replace(one, keeper=keeper, model=model)
 
     return replace(completed(given), others=tuple(map(completed, given.others)))
+
+
+def judged(given: Input, machine_file: Path | None = None, **how: Any) -> Case:
+    """The answer to an input, `how` as of `answer_to`; it shows what it works on."""
+    from orthoglide_cal.report.case import Case
+    from orthoglide_cal.results import answer_to
+
+    with working(given.measured.source.path):
+        return Case(given, answer_to(given, **how), machine_file)
 
 
 def require_printer(source: Source, data: Data) -> None:
@@ -361,21 +379,19 @@ def deliver(
     Text without `details` is one screen where the document has one. Raises UsageError: a file
     exists and may not be replaced: only one that this wrote may ever be.
     """
-    if as_json and (html or markdown):
-        raise UsageError(
-            "--json cannot be combined with a page.", "Leave out --html and --markdown."
-        )
     if as_json:
-        print_json(document.data())
+        if html or markdown:
+            fault = "--json cannot be combined with a page."
+            raise UsageError(fault, "Leave out --html and --markdown.")
+        put(json_line(document.data()))
         return
-    make = document.page if details or html or markdown else document.screen or document.page
-    page = make()
     if not (html or markdown):
         from orthoglide_cal.report.terminal import terminal
 
-        screen = console()
-        screen.print(terminal(page, screen.width), soft_wrap=True)
+        screen, make = console(), None if details else document.screen
+        screen.print(terminal((make or document.page)(), screen.width), soft_wrap=True)
         return
+    page = document.page()
     from orthoglide_cal.report.document import MARK
     from orthoglide_cal.report.html import html as as_html
     from orthoglide_cal.report.markdown import markdown as as_markdown
@@ -392,13 +408,13 @@ def deliver(
             raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
 
 
-def put(text: str, target: Path | None, message: str, overwrite: bool = False) -> None:
+def put(text: str, target: File = None, message: str = "", overwrite: bool = False) -> None:
     """Write a file as `write_text` does, and tell people; "-", or none: show the text."""
+    if target is None or str(target) == "-":
+        print(text, end="", flush=True)
+        return
     from orthoglide_cal.files.text import write_text
 
-    if target is None or str(target) == "-":
-        print(text, end="")
-        return
     write_text(target, text, overwrite=overwrite)
     tell(message)
 
@@ -408,11 +424,6 @@ def json_line(value: Mapping[str, object]) -> str:
     import json
 
     return f"{json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
-
-
-def print_json(value: Mapping[str, object]) -> None:
-    """The same on standard output."""
-    print(json_line(value), end="", flush=True)
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -469,7 +480,7 @@ def tell_error(error: Exception, path: str | None = None, as_json: bool = False)
     Or on standard error, with the input's name in front unless the error has it.
     """
     if as_json:
-        print_json({"input": None if path is None else {"path": path}, "error": str(error)})
+        put(json_line({"input": {"path": path} if path else None, "error": str(error)}))
         return
     named = isinstance(error, InputError) and error.file
     tell(f"{file_words(path)}: {error}" if path and not named else str(error))

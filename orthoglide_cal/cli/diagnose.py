@@ -34,9 +34,8 @@ def diagnose(
     ),
     details: bool = common.DETAILS,
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Find what is wrong besides the offsets, and what to do about it."""
-
     from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.files.input import read_input, require_distinct
@@ -44,9 +43,8 @@ def diagnose(
     from orthoglide_cal.files.machine_file import machine_text
     from orthoglide_cal.files.probe_readings import PrinterFile
     from orthoglide_cal.files.text import write_text
-    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.answer import diagnosis_document
-    from orthoglide_cal.results import answer_to, with_dates
+    from orthoglide_cal.results import with_dates
     from orthoglide_cal.results.history import in_order, wrong_order
 
     if together and len(files) < 2:
@@ -78,38 +76,34 @@ def diagnose(
                 raise wrong_order(later, given, right)
         # Without a diagnosis the answer is that of solve.
         diagnosed, needless = None, () if later or accept else (UnusableResultError,)
-        with common.working(path):
-            with suppress(*needless):
-                diagnosed = inference.diagnose(
-                    given.measured,
-                    given.model,
-                    holdout=later.measured if later else None,
-                    applied=applied or (),
-                    then=later.model if later else None,
-                    sensitivity=full,
-                    recalibrated=recalibrated,
-                )
-            answer = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full)
+        with common.working(path), suppress(*needless):
+            diagnosed = inference.diagnose(
+                given.measured,
+                given.model,
+                holdout=later.measured if later else None,
+                applied=applied or (),
+                then=later.model if later else None,
+                sensitivity=full,
+                recalibrated=recalibrated,
+            )
+        case = common.judged(given, machine, diagnosed=diagnosed, holdout=holdout, details=full)
         if together and diagnosed:
-            answer = with_dates(answer, diagnosed, dates)
-        document = diagnosis_document(Case(given, answer, machine))
-        common.deliver(document, as_json=json, details=details)
+            case = replace(case, answer=with_dates(case.answer, diagnosed, dates))
+        common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
-            return 0 if answer.verdict else UnusableResultError.exit_code
+            return 0 if case.answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
-            diagnosed.require_recommended(accept)
-            extended = inference.extend(given.measured, given.model, accept, date.today())
-            if answer.simulated:  # what is accepted from it is no knowledge of a machine
-                known = extended.machine.changed(practice=True)
-                extended = replace(extended, machine=known)
+            extended = diagnosed.extend(accept, date.today())
+            if case.answer.simulated:  # what is accepted from it is no knowledge of a machine
+                extended = replace(extended, machine=extended.machine.changed(practice=True))
             write_text(target, machine_text(extended))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)
             return error.exit_code
-        go_on = Case(given, answer, target).typed("report")
+        go_on = replace(case, machine_file=target).typed("report")
         common.tell(f"{accept} is now part of {target}. Continue with:\n  {go_on}")
         return 0
 
-    common.for_each(files[-1:] if together else files, judge, as_json=json)
+    return common.for_each(files[-1:] if together else files, judge, as_json=json)

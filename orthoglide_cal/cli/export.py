@@ -1,7 +1,5 @@
 """`orthocal export`: the offsets for the controller, unless they must not be used."""
 
-from collections.abc import Collection
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from orthoglide_cal.cli import common
@@ -9,8 +7,6 @@ from orthoglide_cal.cli.common import MEASURED, File, Text, Texts, argument, fla
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
-    from orthoglide_cal.files.input import Input
-    from orthoglide_cal.inference import Diagnosis
     from orthoglide_cal.report.case import Case
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
@@ -50,53 +46,37 @@ def export(
     if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
 
-    def judge(path: str) -> None:
-        given = common.read_input(path, machine, data, rule_out)
-        known = given.model.machine
-        if format not in ("text", *known.controller_formats):
-            owner = next(kind for kind, of in MACHINES.items() if format in of.controller_formats)
-            fault = f"--format {format} is for machines of kind {owner}; this one is of kind"
-            remedy = f"Choose one of {', '.join(known.controller_formats)}, or text."
-            raise UsageError(f"{fault} {known.kind}.", remedy)
-        check_measured(given)
-        case = released(given, machine, method, force, details=json)
-        identity = identify([(case.source, given.model)], case.answer.method, machine)
-        if format == "table":
-            text = controller.as_table(compensation(given.model, points), case, identity)
-        else:
-            text = controller.exported(format, case, identity)
-        text = common.json_line(case.data()) if json else text
-        if case.answer.release.reasons:
-            common.tell(f"FORCED: {' '.join(map(case.says, case.answer.release.reasons))}")
-        title = f"{case.words.title} {identity.number}"
-        common.put(text, target, f"{title} written to {target}")
-
-    common.for_each([file], judge, as_json=json)
+    given = common.read_input(file, machine, data, rule_out)
+    known = given.model.machine
+    if format not in ("text", *known.controller_formats):
+        owner = next(kind for kind, of in MACHINES.items() if format in of.controller_formats)
+        fault = f"--format {format} is for machines of kind {owner}; this one is of kind"
+        remedy = f"Choose one of {', '.join(known.controller_formats)}, or text."
+        raise UsageError(f"{fault} {known.kind}.", remedy)
+    check_measured(given)
+    case = released(common.judged(given, machine, method=method, details=json), force)
+    identity = identify([(case.source, given.model)], case.answer.method, machine)
+    if format == "table":
+        text = controller.as_table(compensation(given.model, points), case, identity)
+    else:
+        text = controller.exported(format, case, identity)
+    text = common.json_line(case.data()) if json else text
+    if case.answer.release.reasons:
+        common.tell(f"FORCED: {' '.join(map(case.says, case.answer.release.reasons))}")
+    title = f"{case.words.title} {identity.number}"
+    common.put(text, target, f"{title} written to {target}")
 
 
-def released(
-    given: "Input",
-    machine: Path | None,
-    method: str | None = None,
-    force: bool | None = None,
-    details: bool = False,
-    corrects: Collection[str] = (),
-    diagnosed: "Diagnosis | None" = None,
-) -> "Case":
-    """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
+def released(case: "Case", force: bool | None = None) -> "Case":
+    """An answer that may be used, or is forced to be (None: it cannot be forced).
 
-    Raises UnusableResultError: they must not be used; with what to do instead.
+    Raises UnusableResultError: it must not be used; with what to do instead.
     """
-    from orthoglide_cal.report.case import Case
-    from orthoglide_cal.results import answer_to
-
-    with common.working(given.measured.source.path):
-        answer = answer_to(given, method, diagnosed=diagnosed, details=details, corrects=corrects)
-    case = Case(given, answer, machine)
-    if not answer.parameters or not (answer.release.usable or force):
-        remedies = [f"{step.content} {step.command or ''}".rstrip() for step in case.remedies()]
-        if force is not None and answer.parameters:
-            remedies.append("To export it anyway, marked as FORCED: --force")
-        why = " ".join(map(case.says, answer.release.reasons))
-        raise UnusableResultError(f"Do not use these {case.words.many}. {why}", "\n".join(remedies))
-    return case
+    release, known = case.answer.release, case.answer.parameters
+    if known and (release.usable or force):
+        return case
+    remedies = [f"{step.content} {step.command or ''}".rstrip() for step in case.remedies()]
+    if known and force is not None:
+        remedies.append("To export it anyway, marked as FORCED: --force")
+    why = " ".join(map(case.says, release.reasons))
+    raise UnusableResultError(f"Do not use these {case.words.many}. {why}", "\n".join(remedies))

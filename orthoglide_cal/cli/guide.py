@@ -30,7 +30,17 @@ def guide(
     ),
 ) -> None:
     """Show a page of the manual; in a pipe, as Markdown."""
-    text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")
+    name, pages = " ".join(topic or ["index"]), _pages()
+    if (wanted := _plain(name)) not in pages:
+        from difflib import get_close_matches
+
+        # A word of a name is as near as a slip of the finger.
+        near = [page for page in pages if wanted and wanted in page]
+        near += get_close_matches(wanted, pages, n=3)
+        names = ", ".join(pages[page].stem for page in dict.fromkeys(near))
+        fault = f"The guide has no page {name!r}." + (f" Nearest: {names}." if names else "")
+        raise UsageError(fault, "All pages: orthocal guide")
+    text = pages[wanted].read_text(encoding="utf-8")
     console = common.console()
     if not console.is_terminal:
         print(text, end="")
@@ -45,21 +55,6 @@ def guide(
         os.environ.setdefault("LESS", "-FRX")
         with console.pager(styles=True):
             console.print(page, width=min(console.width, _WIDEST))
-
-
-def _page(topic: str) -> Path:
-    """The file of a topic, however it is written. Raises UsageError, with the nearest names."""
-    from difflib import get_close_matches
-
-    pages, wanted = _pages(), _plain(topic)
-    if wanted in pages:
-        return pages[wanted]
-    # A word of a name is as near as a slip of the finger.
-    near = [name for name in pages if wanted and wanted in name]
-    near += get_close_matches(wanted, pages, n=3)
-    names = ", ".join(pages[name].stem for name in dict.fromkeys(near))
-    fault = f"The guide has no page {topic!r}." + (f" Nearest: {names}." if names else "")
-    raise UsageError(fault, "All pages: orthocal guide")
 
 
 def _plain(name: str) -> str:

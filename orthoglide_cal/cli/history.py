@@ -7,7 +7,7 @@ from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, op
 
 
 def history(
-    files: list[str] = argument(
+    sessions: list[str] = argument(
         "FILE", f"Sessions of one machine, or a folder. {MEASURED}.", required=True
     ),
     limit: Number = option("MM", "Largest permitted change. Shows when a drift reaches it."),
@@ -27,18 +27,15 @@ def history(
     from orthoglide_cal.session.adjusting import adjusted_since
     from orthoglide_cal.words import counted
 
-    def judge(_: str) -> None:
-        paths: list[Path] = []
-        for path in map(Path, files):
-            within = sessions_in(path) if path.is_dir() else [path]
-            paths += within + sorted(printers_in(path))
-        inputs = [common.read_input(str(path), machine, data) for path in paths]
-        with common.working(counted(len(paths), "file")):
-            adjusted = {one.measured.source.sha256: adjusted_since(one) for one in inputs}
-            comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted)
-        page = history_document(comparison, machine)
-        common.deliver(
-            page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
-        )
-
-    common.for_each(files[:1] if json else [""], judge, as_json=json)
+    paths: list[Path] = []
+    for path in map(Path, sessions):
+        within = sessions_in(path) if path.is_dir() else [path]
+        paths += within + sorted(printers_in(path))
+    inputs = [common.read_input(str(path), machine, data) for path in paths]
+    with common.working(counted(len(paths), "file")):
+        adjusted = {one.measured.source.sha256: adjusted_since(one) for one in inputs}
+        comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted)
+    page = history_document(comparison, machine)
+    common.deliver(
+        page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
+    )

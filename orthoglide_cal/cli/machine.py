@@ -105,8 +105,7 @@ def new(
             fault = f"--tolerance {text}: {error.what}"
             raise UsageError(fault, "Write it as axis_gap=0.3") from error
     answers |= {"practice": True} if practice else {}
-    if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
+    common.agreement(yes, "`machine new` asks for what is not given.")
     if target.exists():
         raise UsageError(f"{target} exists and is not overwritten.", "Name another: --output FILE")
     try:

@@ -12,17 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import (
-    Count,
-    File,
-    Number,
-    Offsets,
-    Text,
-    Texts,
-    argument,
-    flag,
-    option,
-)
+from orthoglide_cal.cli.common import Count, File, Number, Text, Texts, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError, command, visible, visible_lines
 from orthoglide_cal.words import Unit
 
@@ -81,7 +71,7 @@ def measure(
         "NO", "Calibration certificate of the gauge. Give it again for the second."
     ),
     machine: File = common.MACHINE,
-    offsets_active: Offsets = option(
+    offsets_active: common.Offsets = option(
         "DX DY DZ",
         "Joint offsets that the controller holds now, mm. Default: you are asked, and the"
         " machine file's are proposed.",
@@ -90,31 +80,26 @@ def measure(
         "--yes", "Answer yes to the questions before the first reading, and to --discard."
     ),
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.linuxcnc import Standing
     from orthoglide_cal.planning.steps import Order
-    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
-    from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.events import GaugeLabel
     from orthoglide_cal.session.opening import Request, open_session, set_aside
 
     if discard:
-        if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-            fault = "--discard asks before it gives a session up."
-            raise UsageError(fault, "In a script, give --yes.")
-        kept = set_aside(session, Path(), lambda asked: yes or typer.confirm(asked, err=True))
+        agrees = common.agreement(yes, "--discard asks before it gives a session up.")
+        kept = set_aside(session, Path(), agrees)
         common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
-        return
+        return 0
     if len(certificate or ()) > len(gauge_id or ()):
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
-    pairs = zip_longest(gauge_id or (), certificate or (), fillvalue="")
-    labels = (GaugeLabel(id=visible(id), certificate=visible(number)) for id, number in pairs)
+    labels = zip_longest(gauge_id or (), certificate or (), fillvalue="")
     request = Request(
         path=session,
         resume=resume,
@@ -135,18 +120,16 @@ def measure(
         until_mm=until,
         operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=tuple(labels),
+        gauges=tuple(GaugeLabel(id=visible(id), certificate=visible(no)) for id, no in labels),
         says=sentence,
     )
     standing, show = Standing(follow) if follow else None, session_display(json)
     with guided(lambda at: open_session(request, at, show, standing), "measure") as dialogue:
         dialogue.publish()
-        given = common.read_input(str(dialogue.path))
-        answer = answer_to(given, details=json)
-        common.deliver(solution_document(Case(given, answer)), as_json=json, details=False)
-        dialogue.reveal(answer.parameters)
-        if not answer.release.usable:
-            raise typer.Exit(UnusableResultError.exit_code)
+        case = common.judged(common.read_input(str(dialogue.path)), details=json)
+        common.deliver(solution_document(case), as_json=json, details=False)
+        dialogue.reveal(case.answer.parameters)
+        return 0 if case.answer.release.usable else UnusableResultError.exit_code
 
 
 @contextmanager

@@ -4,8 +4,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
-import typer
-
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import option
 from orthoglide_cal.errors import UnusableResultError
@@ -19,7 +17,7 @@ def paper(
         "N", "Whole number; it decides the noise of Table 3. Default: 1.", min=0, default=1
     ),
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Reproduce the tables of the paper that describes the method."""
     import numpy as np
 
@@ -40,5 +38,4 @@ def paper(
         result = makers[name](default_machine())
         common.deliver(paper_document(result), as_json=json)
         missed |= not result.reproduced
-    if missed:
-        raise typer.Exit(UnusableResultError.exit_code)
+    return UnusableResultError.exit_code if missed else 0

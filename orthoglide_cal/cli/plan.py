@@ -60,9 +60,7 @@ def plan(
         sequence,
         sequence_options,
     )
-    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.plan import plan_document
-    from orthoglide_cal.results import answer_to
 
     if target is not None and cycles is not None:
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
@@ -115,18 +113,15 @@ def plan(
         diagnosis = diagnose(given.measured, model) if given else None
         ranked = rank_measurements(diagnosis) if diagnosis else ()
         planned = measurement_plan(model, wanted, ranked, full)
-        begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
+    begun = common.judged(given, machine, diagnosed=diagnosis) if given else None
     document = plan_document(planned, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
-def write_program(program: "PostureProgram", target: Path, template: Path | None = None) -> None:
+def write_program(program: "PostureProgram", target: Path, template: Path | None) -> None:
     """Write a posture program as CSV or G-code, by the end of the name; "-" shows its table.
 
-    The template of the G-code is the one of `orthocal template gcode` if None.
-
-    Raises UsageError: a template without G-code, or the file exists; InputError: the template
-    cannot be used, or the file cannot be written.
+    Raises UsageError: a template without G-code. None is that of `orthocal template gcode`.
     """
     from importlib.resources import files
 

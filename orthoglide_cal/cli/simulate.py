@@ -98,7 +98,7 @@ def simulate(
     if target or not json:
         common.put(text, target, f"{len(made)} {rows} written to {target}")
     if json:
-        common.print_json(session_json(record))
+        common.put(common.json_line(session_json(record)))
     if seed is None:
         common.tell(f"seed {chosen}")
 

@@ -13,18 +13,14 @@ def solve(
     method: Text = common.METHOD,
     details: bool = common.DETAILS,
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Determine the joint offsets, and whether they may be entered."""
-    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.answer import solution_document
-    from orthoglide_cal.results import answer_to
 
     def judge(path: str) -> int:
         given = common.read_input(path, machine, data, rule_out)
-        with common.working(path):
-            answer = answer_to(given, method, details=details or json)
-        document = solution_document(Case(given, answer, machine))
-        common.deliver(document, as_json=json, details=details)
-        return 0 if answer.release.usable else UnusableResultError.exit_code
+        case = common.judged(given, machine, method=method, details=details or json)
+        common.deliver(solution_document(case), as_json=json, details=details)
+        return 0 if case.answer.release.usable else UnusableResultError.exit_code
 
-    common.for_each(files, judge, as_json=json)
+    return common.for_each(files, judge, as_json=json)

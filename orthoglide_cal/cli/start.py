@@ -8,9 +8,6 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import OrthocalError, command
 
-# So many characters of a digest are surely printed together.
-_DIGEST = 8
-
 if TYPE_CHECKING:
     from orthoglide_cal.files.machine_file import StoredMachine
     from orthoglide_cal.report import document as doc
@@ -23,38 +20,40 @@ def start() -> None:
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
 
-    here = Path()
-    file = machine = to = None
-    sessions, waiting = sessions_in(here, tables=True), unfinished(here)
-    printers, measured = printers_in(here), [*sessions]
+    here, file, machine, known = Path(), None, None, "none in this folder"
     try:
-        known = "none in this folder"
         if path := machine_in_folder(here):
             file = common.read_machine_file(path)
-            machine, to = file.model.machine, unwritten(file)
+            machine = file.model.machine
             known = f"{path}: {machine.name}, {machine.geometry_words}"
     except OrthocalError as error:
         known = str(error)
+    to = unwritten(file) if file else None
+    sessions, printers, waiting = (
+        sessions_in(here, tables=True),
+        printers_in(here),
+        unfinished(here),
+    )
+    measured = [*sessions]
     while measured and _simulated(measured[-1]):
         measured.pop()
     # Practice is the round only where it is meant to be, or where there is nothing else.
     practising = machine.practice if machine else not measured
     simulated = practising and len(measured) < len(sessions)
     sessions = sessions if practising else measured
-    several = sum(path.suffix != ".csv" for path in sessions) > 1
     practices = [path for path in waiting if is_practice(path)]
-    names = ", ".join(f"{path.name}{' (practice)' * (path in practices)}" for path in waiting)
-    facts = [("Machine file", known), *([("Unfinished", names)] if names else [])]
-    if printers:
-        facts.append(("Printer", ", ".join(map(str, printers))))
-    if sessions:
-        others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
-        facts.append(("Last measured", f"{sessions[-1]}{others}"))
-    title = "calibration of an Orthoglide with a dial indicator"
-    by_probe = machine and not machine.vocabulary.measure
-    if by_probe or (printers and not sessions):
-        title = "calibration of a linear delta by its own probe"
     begun = [path for path in waiting if practising or path not in practices]
+    others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
+    facts = {
+        "Machine file": known,
+        "Unfinished": ", ".join(f"{p.name}{' (practice)' * (p in practices)}" for p in waiting),
+        "Printer": ", ".join(map(str, printers)),
+        "Last measured": f"{sessions[-1]}{others}" if sessions else "",
+    }
+    by_probe = not machine.vocabulary.measure if machine else printers and not sessions
+    method = (
+        "a linear delta by its own probe" if by_probe else "an Orthoglide with a dial indicator"
+    )
     try:
         blocks = list(_next(file, to, sessions, begun, printers))
     except OrthocalError as error:
@@ -66,16 +65,17 @@ def start() -> None:
             blocks.append(doc.Instruction("Continue the practice", typed))
         given_up = command("measure", name, options="--discard")
         blocks.append(doc.Instruction("Or give it up", given_up))
-    if several and not (waiting or to):
-        changed = doc.Instruction("Check whether the machine has changed", "orthocal history .")
-        blocks.append(changed)
+    if sum(path.suffix != ".csv" for path in sessions) > 1 and not (waiting or to):
+        blocks.append(
+            doc.Instruction("Check whether the machine has changed", "orthocal history .")
+        )
     steps = [block for block in blocks if isinstance(block, doc.Instruction)]
     state = [block for block in blocks if not isinstance(block, doc.Instruction)]
     page = doc.Page(
         "orthocal",
-        title,
+        f"calibration of {method}",
         simulated=simulated,
-        facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
+        facts=doc.Facts([(name, doc.given(value)) for name, value in facts.items() if value]),
         sections=[doc.Section(None, *state), doc.next_steps(steps)],
     )
     common.deliver(doc.Document(dict, lambda: page))
@@ -97,18 +97,17 @@ def _next(
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.model.linear_delta import LinearDelta
     from orthoglide_cal.model.orthoglide import Orthoglide
-    from orthoglide_cal.report.case import Case, measure_again
+    from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.document import Instruction
     from orthoglide_cal.report.documents.answer import decision_notice, to_do
-    from orthoglide_cal.results import answer_to
     from orthoglide_cal.results.history import precedes
 
-    last = str(sessions[-1]) if sessions else ""
-    machine = file.model.machine if file else None
-    entered = machine.history[-1].data_sha256 if machine and machine.history else None
-    paths = [str(path) for path in reversed(sessions)] if entered else []
+    paths, machine = [*map(str, sessions)], file.model.machine if file else None
+    last = paths[-1] if paths else ""
+    entry = machine.history[-1] if machine and machine.history else None
     # The session whose offsets were entered last.
-    applied = next((path for path in paths if read_document(path).sha256 == entered), None)
+    entered = (p for p in reversed(paths) if entry and read_document(p).sha256 == entry.data_sha256)
+    applied = next(entered, None)
     if to and file:
         yield f"{file.document.path} records a change of {to}, which was not written."
         of = applied or "SESSION"
@@ -120,16 +119,14 @@ def _next(
     elif not sessions:
         if not (machine or printers):
             yield Instruction("Describe the machine", "orthocal machine new")
-        kind = type(machine) if machine else LinearDelta if printers else Orthoglide
-        here = {"printer.cfg": str(printers[-1])} if printers else {}
         if machine and machine.practice and machine.vocabulary.measure:
             yield Instruction("Practise without a machine", common.PRACTISE)
             return
+        kind = type(machine) if machine else LinearDelta if printers else Orthoglide
         for text, verb, usual in kind.first_steps:
-            yield Instruction(text, command(verb, *filter(None, [here.get(usual, usual)])))
-    elif (
-        machine and applied and (applied == last or precedes(read_input(last), machine.history[-1]))
-    ):
+            path = str(printers[-1]) if usual and printers else usual
+            yield Instruction(text, command(verb, *filter(None, [path])))
+    elif entry and applied and (applied == last or precedes(read_input(last), entry)):
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):
@@ -139,8 +136,7 @@ def _next(
         yield Instruction("Compare with the prediction", command("verify", applied, last))
         yield Instruction("Write the report", write)
     else:
-        given = common.read_input(last)
-        case = Case(given, answer_to(given))
+        case = common.judged(common.read_input(last))
         yield decision_notice(case)
         yield Instruction("See the numbers", case.typed("solve"))
         yield from to_do(case, brief=True)
@@ -158,6 +154,7 @@ def _reported(*sessions: str) -> bool:
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.report.document import MARK
 
-    digests = [read_document(path).sha256[:_DIGEST] for path in sessions]
+    # So many characters of a digest are surely printed together.
+    digests = [read_document(path).sha256[:8] for path in sessions]
     pages = (path.read_text("utf-8", "replace") for path in sorted(Path().glob("*.[hm][td]*")))
     return any(page.endswith(MARK) and all(digest in page for digest in digests) for page in pages)

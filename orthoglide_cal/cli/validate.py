@@ -10,7 +10,7 @@ def validate(
     machine: File = common.MACHINE,
     data: common.Data = common.DATA,
     json: bool = common.JSON,
-) -> None:
+) -> int:
     """Check files; name every fault with its place and remedy."""
     from orthoglide_cal import estimation
     from orthoglide_cal.files.input import check_file
@@ -33,4 +33,4 @@ def validate(
             return refused.exit_code
         return 0 if check.valid else InputError.exit_code
 
-    common.for_each(files, judge, as_json=json)
+    return common.for_each(files, judge, as_json=json)

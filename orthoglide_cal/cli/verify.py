@@ -19,22 +19,19 @@ def verify(
     details: bool = common.DETAILS,
     json: bool = common.JSON,
     overwrite: bool = common.OVERWRITE,
-) -> None:
+) -> int:
     """Compare the predicted effect of a correction with the real one."""
     from orthoglide_cal.report.documents.verification import verification_document
     from orthoglide_cal.results import identify
     from orthoglide_cal.results.verification import verify as verified
     from orthoglide_cal.session.adjusting import adjusted_since
 
-    def judge(path: str) -> int:
-        inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
-        with common.working(f"{path}, {after}"):
-            right = command("verify", after, path, machine=machine, applied=applied, limit=limit)
-            result = verified(*inputs, applied, limit, adjusted_since(inputs[0]), right)
-        page = verification_document(result, identify(result.inputs, *result.options))
-        common.deliver(
-            page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
-        )
-        return UnusableResultError.exit_code if result.failed else 0
-
-    common.for_each([before], judge, as_json=json)
+    inputs = common.read_input(before, machine, data), common.read_input(after, machine, data)
+    with common.working(f"{before}, {after}"):
+        right = command("verify", after, before, machine=machine, applied=applied, limit=limit)
+        result = verified(*inputs, applied, limit, adjusted_since(inputs[0]), right)
+    page = verification_document(result, identify(result.inputs, *result.options))
+    common.deliver(
+        page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
+    )
+    return UnusableResultError.exit_code if result.failed else 0

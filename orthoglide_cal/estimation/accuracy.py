@@ -86,7 +86,8 @@ def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> fl
 
 def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
     """True of each parameter that is known well enough to state, from U (p,)."""
-    return tuple((expanded < np.array(model.machine.max_reportable_u)).tolist())
+    machine = model.machine
+    return tuple((expanded < (machine.max_reportable_u or machine.plausible)).tolist())
 
 
 def _free_directions(matrix: Floats, scale: float) -> Floats:

@@ -53,9 +53,7 @@ _SECTION = re.compile(r"\s*\[([^\]]*)\]")
 _ENTRY = re.compile(r"\s*(\w+)\s*(?:=|(?=:))\s*(.*?)\s*", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
 # Of more digits it may be infinite.
-_ANY_NUMBER = re.compile(
-    r"[-+]?([0-9]{1,20}(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE
-)
+_ANY_NUMBER = re.compile(r"[-+]?([0-9]{1,20}(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,2})?")
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
 _COORDINATES = re.compile(r"\bcoordinates\s*=\s*[\"']?(\w+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
@@ -267,12 +265,7 @@ class LinuxCnc(ControllerFile):
         return table
 
     def _tabulated(
-        self,
-        axis: str,
-        change_mm: float,
-        effects: Iterable[Effect],
-        machine: Machine,
-        decimals: int,
+        self, axis: str, change_mm: float, effects: Iterable[Effect], machine: Machine, digits: int
     ) -> tuple[Lines, WrittenTable]:
         """Lines of the INI, and a new table beside it, that add corrections to what is there."""
         unit, table, line = self.unit_mm, self._existing(axis), self.settings[axis]
@@ -293,7 +286,7 @@ class LinuxCnc(ControllerFile):
         home = old + (change_mm - float(added(here * unit)[way, 0])) / unit
         if latch == self._number(axis, _SEARCH) == 0.0:
             home -= float(stands(here)[way, 0])
-        home = round(home, min(decimals, 6))
+        home = round(home, min(digits, 6))
         ends = self._limits_mm(axis) or (home * unit - _BEYOND_MM, home * unit + _BEYOND_MM)
         # What stands there belongs to the screw, which a new home offset counts otherwise.
         table[:, 0] += home - old
@@ -312,7 +305,7 @@ class LinuxCnc(ControllerFile):
         wanted = {_FILE: name, _TYPE: "1"}
         if f"{axis} {_BACKLASH}" in self.settings and not existing:
             wanted[_BACKLASH] = "0"
-        lines = [line.changed(after=plain(home, decimals))]
+        lines = [line.changed(after=plain(home, digits))]
         for option, after in wanted.items():
             # A new line stands above the home offset, where a line surely ends.
             above = WrittenValue(line=line.line, key=f"{section} {option}")

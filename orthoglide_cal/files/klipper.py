@@ -387,7 +387,8 @@ def _reached(source: Source, machine: LinearDelta, stored: Floats) -> Readings |
         return None
     ends = np.split(stored[:, :6], 2, axis=1)
     place, other = (np.asarray(machine.nominal_rails.tool_for(at, strict=False)) for at in ends)
-    plan = touching(place, value[:heights], np.arange(len(value)), other=other)
+    distance = stored[:, 8] == 0.0
+    plan = touching(place, np.where(distance, 0.0, value), other=other, distance=distance)
     value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
     trimmed = float(np.mean(value[:heights]))
     # What the settings in force take for higher is reached lower down.

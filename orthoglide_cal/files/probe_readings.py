@@ -106,7 +106,6 @@ def stored_mesh(
     """
     line, x, y, height = touches.T
     place = np.column_stack((x, y, height + trigger))
-    order = np.arange(len(line)) if order is None else order
     plan = touching(place, np.full(len(line), trigger), order)
     return Readings(plan, height, line.astype(int), False, source)
 

@@ -1,10 +1,9 @@
 """Inference: hypothesis → fit → belief → decision; what the simulation gets wrong and why."""
 
-from orthoglide_cal.inference.diagnose import diagnose, extend
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import (
     AssumedSize,
     Baselines,
-    Diagnosis,
     Explanation,
     FoundCause,
     FoundPattern,

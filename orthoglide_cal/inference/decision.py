@@ -38,7 +38,7 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, fits_of
 from orthoglide_cal.inference.result import TimesStated, Verdict
 from orthoglide_cal.model.cause import NORMAL_K, Stage
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 
 # The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
@@ -100,6 +100,11 @@ class Decision:
     # What the named causes did not see contradicts them; None where nothing does.
     refuted: Reason | None = None
 
+    @property
+    def white(self) -> Whitened:
+        """The data, in units of independent noise."""
+        return self.belief.at.white
+
     # --- which answers are left open ---
 
     @cached_property
@@ -124,7 +129,7 @@ class Decision:
     @property
     def shape(self) -> str:
         """Id of the cause that stands for any shape where nothing tells what makes it, or ""."""
-        white = self.belief.at.white
+        white = self.white
         return white.machine.shape if white.plan.flat else ""
 
     def as_shape(self, ids: Ids) -> Ids:
@@ -144,7 +149,7 @@ class Decision:
         return self.belief.listed[ids] >= keep_ratio(ids, self.best) * self.belief.something
 
     @cached_property
-    def rivals(self) -> tuple[Ids, ...]:
+    def rival_sets(self) -> tuple[Ids, ...]:
         """Sets that these data cannot distinguish from the best one, most probable first.
 
         A set that holds another rival and adds to it says nothing new, unless it is the likelier.
@@ -154,7 +159,7 @@ class Decision:
         held = {self.as_shape(best)}
         if self.shape and any(CAUSES[id].repeats for id in best):
             # It leaves open what makes the shape: the likeliest with each cause that is doubted.
-            for doubted in set(self.belief.at.white.machine.doubted) - set(best):
+            for doubted in set(self.white.machine.doubted) - set(best):
                 held.update([ids for ids in listed if doubted in ids][:1])
         others = [ids for ids in listed if ids not in ((), best, *same)]
         rivals = [ids for ids in others if ids in held or self.is_open(ids)]
@@ -186,7 +191,7 @@ class Decision:
     @property
     def hold(self) -> float:
         """Loss of a needless hold on this kind of machine [min]."""
-        return NEEDLESS_HOLD * self.belief.at.white.machine.caution
+        return NEEDLESS_HOLD * self.white.machine.caution
 
     # --- the statement ---
 
@@ -263,7 +268,7 @@ class Decision:
     @cached_property
     def _others(self) -> Ids:
         """Causes open in place of the best answer or in addition to it."""
-        rivals = self.rivals
+        rivals = self.rival_sets
         if self.is_nameable and all(ids in self.silent for ids in rivals):
             rivals = ()
         return tuple(dict.fromkeys(id for ids in rivals for id in ids if id not in self.best))
@@ -300,7 +305,7 @@ class Decision:
 
         What no reading shows is uncertain in every explanation already.
         """
-        machine, listed = self.belief.at.white.machine, self.belief.listed
+        machine, listed = self.white.machine, self.belief.listed
         known = (*machine.unobservable, *machine.fixed_parameters)
         unseen = [(id,) for id in self.unseen if id not in known]
         return [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
@@ -309,18 +314,9 @@ class Decision:
 
     def chance(self, fit: Fit) -> float:
         """Chance that noise as stated leaves more than a fit of the parameters alone does."""
-        white = self.belief.at.white
+        white = self.white
         noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
         return chance_of_residual(fit.square, dof, noise)
-
-    @cached_property
-    def alone(self) -> Fit:
-        """The calibrated parameters alone, with a local shape as large as the answer has it."""
-        nothing, unexplained = self.belief.fit(()), self.verdict is Verdict.UNEXPLAINED
-        factor = 1.0 if unexplained else self.fit.scale_factor
-        if factor == nothing.scale_factor:
-            return nothing
-        return fit_hypothesis(self.belief.hypotheses[()], factor)
 
     @property
     def fit(self) -> Fit:
@@ -348,7 +344,7 @@ class Decision:
             return self.patterned
         sets = [self.accepted, *self.same_answer(self.accepted)]
         if self.verdict is Verdict.AMBIGUOUS:
-            sets += self.rivals
+            sets += self.rival_sets
         elif self.verdict is Verdict.CONSISTENT:
             sets += self.hidden()
         weights = np.array([self.belief.listed[ids] for ids in sets])
@@ -356,7 +352,7 @@ class Decision:
         return tuple(zip(weights.tolist(), map(self.belief.fit, sets), strict=True))
 
     @cached_property
-    def unshown(self) -> tuple[tuple[str, float, Fit], ...]:
+    def silent_fits(self) -> tuple[tuple[str, float, Fit], ...]:
         """Faults of the record besides the named causes that these data would not show.
 
         For each place: the fault, its share next to what is left open, and the fit that holds it.
@@ -370,7 +366,7 @@ class Decision:
             (more,) = set(ids) - set(best)
             share = belief.listed[ids] / total
             # To keep any other place open would cost more than to be wrong.
-            placed = _at_places(belief.hypotheses[ids], share, keep_ratio(ids, best))
+            placed = fits_at_places(belief.hypotheses[ids], share, keep_ratio(ids, best))
             faults += [(more, part, fit) for part, fit in placed]
         return tuple(faults)
 
@@ -391,17 +387,6 @@ class Decision:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple(TimesStated(id=id, times=times) for _, id, times in sorted(explaining))
 
-    @property
-    def by_place(self) -> tuple[tuple[float, Fit], ...]:
-        """Fits that are left open; of several each fault at every place where it may be."""
-        if self.verdict is not Verdict.AMBIGUOUS:
-            return self.left_open
-        return tuple(
-            placed
-            for share, fit in self.left_open
-            for placed in _at_places(fit.hypothesis, share, PLACE_COUNTS)
-        )
-
     @cached_property
     def offsets(self) -> tuple[Floats, Floats]:
         """Offsets (3,) [mm] and their covariance (3, 3) [mm²] under the verdict.
@@ -415,12 +400,12 @@ class Decision:
         if self.verdict is Verdict.UNEXPLAINED and not self.described:
             # What may return with its posture, in each cell as large as what is left in the
             # readings: repeats cannot average it out.
-            white, fit, width = self.belief.at.white, fits[0], mean.size
+            white, fit, width = self.white, fits[0], mean.size
             estimator = fit.covariance[:width] @ fit.columns.T / fit.sigma**2
             left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
             cells = estimator @ (white.matrix @ white.plan.returning)
             covariance = covariance + left * cells @ cells.T
-        return mean, covariance
+        return read_only(mean), read_only(covariance)
 
     @cached_property
     def beyond_list(self) -> Mapping[Hypothesis, float]:
@@ -471,7 +456,7 @@ class Decision:
         return self.refuted is None and self._chance_beyond(self.patterned[0][1]) >= MISFIT
 
 
-def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
+def fits_at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
     """Fits of a hypothesis at the likeliest places of its extra, which divide its share.
 
     No more than `PLACES`, and none with a share below `least` but the likeliest.
@@ -527,7 +512,7 @@ def decide_by(linear: Belief) -> Decision:
     pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
     wanted = [ids for pair in pairs for ids in pair]
     for _ in range(FITS):
-        wanted += (decision.best, *decision.rivals)
+        wanted += (decision.best, *decision.rival_sets)
         if decision.belief.fits.keys() >= set(wanted):
             break
         decision = Decision(decision.belief.refined(wanted))

@@ -1,9 +1,10 @@
 """From what was measured to a verdict on the model, and to a model extended by a cause."""
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import date
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -12,10 +13,19 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
+from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
-from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
+from orthoglide_cal.inference.decision import (
+    BEYOND,
+    MISFIT,
+    PLACE_COUNTS,
+    Decision,
+    decide,
+    decide_by,
+    fits_at_places,
+)
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import describe, fits_of
@@ -31,7 +41,6 @@ from orthoglide_cal.inference.result import (
     WORTH_SAYING,
     AssumedSize,
     Baselines,
-    Diagnosis,
     Explanation,
     FoundCause,
     FoundPattern,
@@ -42,10 +51,449 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Place
-from orthoglide_cal.model.measured import Measured, Readings, notes_on
+from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Diagnosis(Decision):
+    """The decision about one file, and everything that the simulation gets wrong for it."""
+
+    measured: Measured
+    model: Model  # that they were judged by
+    alone: Solution  # the calibrated parameters alone
+    # Errors of predicting readings that were not fitted, without the causes and with them; None
+    # where nothing was to be predicted.
+    held_out: tuple[HeldOut, HeldOut] | None
+    # Of a printer, what the extension is compared with; None where it was not asked.
+    baselines: Baselines | None
+    # With all tolerances "halved" and "doubled"; empty if it was not asked for.
+    sensitivity: Mapping[str, Otherwise]
+    remarks: tuple[Reason, ...]  # on other dates, and on the held-out data
+
+    # --- the parameters ---
+
+    @property
+    def offsets_mm(self) -> Floats:
+        """Mean of the offsets under the verdict, shape (3,)."""
+        return self.offsets[0]
+
+    @property
+    def covariance_mm2(self) -> Floats:
+        """Their covariance, shape (3, 3); carries the choice within an alias class."""
+        return self.offsets[1]
+
+    @property
+    def std_mm(self) -> Floats:
+        """Their standard deviations, shape (3,)."""
+        return np.sqrt(np.diag(self.covariance_mm2))
+
+    @property
+    def budget(self) -> Budget:
+        """Their uncertainty by source; what the verdict leaves open comes last."""
+        known = self.left_open[0][1].budget(self.model.machine.instrument)
+        left = self.covariance_mm2 - known.covariance_mm2
+        return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
+
+    def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
+        """Contributions to the uncertainty of a solution's offsets for these data, by cause.
+
+        Each explanation, besides the offsets alone, by the probability that the data leave it: how
+        far it would move the offsets, and how much less sure of them it is.
+        """
+        least, fits = solution.budget.covariance_mm2, self.left_open
+        if self.verdict is Verdict.UNEXPLAINED:
+            return (Contribution.beyond(Origin.EXPLANATIONS, self.covariance_mm2 - least),)
+        consistent = self.verdict is Verdict.CONSISTENT
+        if consistent:
+            (_, alone), *others = fits
+            least, fits = alone.offsets_covariance, tuple(others)
+        contributions = []
+        for share, fit in fits:
+            apart = fit.offsets - solution.offsets_mm
+            spread = share * (fit.offsets_covariance - least + np.outer(apart, apart))
+            contributions.append(
+                Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent)
+            )
+        return tuple(contributions)
+
+    # --- the causes ---
+
+    @cached_property
+    def causes(self) -> tuple[FoundCause, ...]:
+        """The accepted causes; the one without which the data are hardest to explain comes first.
+
+        What can act together with any other comes after it.
+        """
+        if self.held_out is None:
+            return ()
+        white, machine, fit, ids = self.white, self.model.machine, self.fit, set(self.accepted)
+        (before, after), unit = self.held_out, unit_of(fit.effects)
+        rivals = self.rival_sets if self.wrong else ()
+        same = self.same_answer(self.accepted)
+        by_parameters = fit.columns[:, : fit.offsets.size]
+        # What needs no cause may predict better: then no shape is recommended.
+        better = self.baselines is not None and self.baselines.better is not None
+        causes = []
+        for effect, slot in zip(fit.effects, fit.slots, strict=True):
+            cause, id = effect.cause, effect.cause.id
+            where, times = cause.label(effect.place, white.plan, machine), effect.times(machine)
+            parameters = self.model.called(effect)
+            if cause.hides_reading and len(effect.place) > 1:
+                # Several wrong readings are called by their places.
+                names = (cause.label((row,), white.plan, machine) for row in effect.place)
+                pairs = zip(parameters, names, strict=True)
+                parameters = tuple(one.changed(name=name) for one, name in pairs)
+            adds = fit.columns[:, slot] @ effect.theta[: slot.stop - slot.start]
+            # Causes that stand in its place in a rival explanation, or in one of the same remedy.
+            lacking = (rival for rival in (*same, *rivals) if id not in rival)
+            instead = [rival for rival in lacking if ids - {id} <= {*rival}]
+            aliases = dict.fromkeys(other for rival in instead for other in rival)
+            # An explanation without it may need a fault of the measurement in its place.
+            others = {other for rival in rivals if id not in rival for other in rival} - ids
+            sure = id == self.shape or all(CAUSES[other].compensable for other in others)
+            taken = cause.compensable or id in machine.recommended
+            gains = after.rms_mm < before.rms_mm and not (better and id == self.shape)
+            causes.append(
+                FoundCause(
+                    id=id,
+                    probability=self.belief.listed[self.accepted],
+                    where=where,
+                    parameters=parameters,
+                    adds_mm=white.rms(unexplained(by_parameters, adds)),
+                    rms_before_mm=self.alone.rms_after_mm * unit,
+                    rms_after_mm=white.rms(fit.left),
+                    heldout_before_mm=before.rms_mm,
+                    heldout_after_mm=after.rms_mm,
+                    heldout_ratio=after.ratio,
+                    aliases=tuple(other for other in aliases if other not in ids),
+                    times_stated=times if times > BEYOND else None,
+                    remedy=cause.words(machine).advice.format(where=where),
+                    recommended=taken and gains and sure,
+                    in_machine=cause.in_machine,
+                )
+            )
+        single = {one.id: -self.belief.hypotheses[(one.id,)].log_evidence for one in causes}
+        return tuple(sorted(causes, key=lambda one: (one.id in machine.companions, single[one.id])))
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The accepted causes as fitted to these data, in the order of `causes`."""
+        effects = {effect.cause.id: effect for effect in self.fit.effects}
+        return tuple(effects[cause.id] for cause in self.causes)
+
+    @property
+    def rivals(self) -> tuple[Ids, ...]:
+        """Causes open in place of the answer or besides it, in the order of `ambiguous_with`.
+
+        Causes that act together are one, unless each of them is open alone, too.
+        """
+        (_, answer), *others = self.left_open
+        apart = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
+        order, alone = self.ambiguous_with, {ids for ids in apart if len(ids) == 1}
+        kept = {
+            ids
+            for ids in apart
+            if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
+        }
+        return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
+
+    @cached_property
+    def unshown(self) -> tuple[UnshownFault, ...]:
+        """Faults of the record that would not show besides the named causes, at all places."""
+        plan, machine = self.white.plan, self.model.machine
+        faults: dict[str, list[Fit]] = {}
+        for id, _, fit in self.silent_fits:
+            faults.setdefault(id, []).append(fit)
+        shown = []
+        for id, fits in faults.items():
+            effects = (effect for fit in fits for effect in fit.effects if effect.cause.id == id)
+            wheres = (effect.cause.label(effect.place, plan, machine) for effect in effects)
+            change = np.max([np.abs(fit.offsets - self.offsets_mm) for fit in fits], axis=0)
+            u = NORMAL_K * self.std_mm
+            largest = int(np.argmax(change / u))
+            shown.append(
+                UnshownFault(
+                    id=id,
+                    where=" or ".join(filter(None, wheres)),
+                    check=CAUSES[id].words(machine).instrument,
+                    change=float(change[largest]),
+                    unit=machine.parameter_units[largest],
+                    matters=bool(np.any(change > u)),
+                )
+            )
+        return tuple(shown)
+
+    @property
+    def undecided(self) -> bool:
+        """True if the offsets depend on what these data leave open, or would not show."""
+        return self.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in self.unshown)
+
+    @property
+    def by_place(self) -> tuple[tuple[float, Fit], ...]:
+        """Fits that are left open; of several each fault at every place where it may be.
+
+        After a named answer also faults that would not show but matter.
+        """
+        if self.verdict is Verdict.AMBIGUOUS:
+            return tuple(
+                placed
+                for share, fit in self.left_open
+                for placed in fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
+            )
+        matter = {fault.id for fault in self.unshown if fault.matters}
+        faults = ((share, fit) for id, share, fit in self.silent_fits if id in matter)
+        return (*self.left_open, *faults)
+
+    @cached_property
+    def explanations(self) -> tuple[Explanation, ...]:
+        """Those not dismissed, best first; those that are left open with their parameters."""
+        fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in self.left_open}
+        least = DISMISSED * max(self.belief.probability.values())
+        # What is open is compared with the parameters alone, however improbable.
+        sound = WORTH_SAYING * (self.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
+        explanations = []
+        for key, probability in self.belief.probability.items():
+            fit = fits.get(key)
+            if fit is None and probability < (least if key else sound):
+                continue
+            ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)
+            explanation = Explanation(ids=ids, pattern=pattern, probability=probability)
+            if fit is not None:
+                std = np.sqrt(np.diag(fit.offsets_covariance))
+                explanation = explanation.changed(
+                    rms_mm=self.white.rms(fit.left) if ids else None,
+                    parameters=Parameter.all_of(self.model, fit.offsets, std, NORMAL_K),
+                    sizes={effect.cause.id: self.model.called(effect) for effect in fit.effects},
+                )
+            explanations.append(explanation)
+        return tuple(explanations)
+
+    @property
+    def assumed_sizes(self) -> tuple[AssumedSize, ...]:
+        """Size of each cause that was tried at its default: the machine file gives none."""
+        machine, tried = self.model.machine, {id for ids in self.belief.hypotheses for id in ids}
+        return tuple(
+            AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
+            for id, cause in CAUSES.items()
+            if id in tried and cause.assumed(machine)
+        )
+
+    def extend(self, id: str, on: date) -> Model:
+        """The model with one more accepted cause, and that date noted.
+
+        Raises:
+            UnusableResultError: these data do not support it, or it is not recommended, the machine
+                file rules it out, or it lies in the measurement; with what to do instead.
+        """
+        cause, accepted = CAUSES[id], self.accepted
+        if not cause.lasting:
+            raise UnusableResultError(
+                f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
+                "Correct it, and measure again.",
+            )
+        if not cause.possible(self.model.machine):
+            raise UnusableResultError(
+                f"The machine file rules {id} out: its size under tolerances is 0.",
+                "Give it a size there if the machine may have it.",
+            )
+        for named in self.causes:
+            if named.id == id and not named.recommended:
+                many = self.model.machine.vocabulary.many
+                raise UnusableResultError(
+                    f"Making {id} part of the machine's model is not recommended: it does not"
+                    f" last as it is, does not predict better than {many} only, or something else"
+                    " explains these data as well.",
+                    named.remedy,
+                )
+        if not accepted:
+            raise UnusableResultError(
+                f"These data are {self.verdict}: they do not support {id} as an extension.",
+                "See what diagnose says about them.",
+            )
+        # Faults of the measurement that stand in its place in an explanation without it; those that
+        # hold it may differ in what else was wrong with the measurement.
+        sets = (accepted, *self.rival_sets)
+        shared = set.intersection(*map(set, sets))
+        others = dict.fromkeys(other for ids in sets for other in ids if other not in (id, *shared))
+        doubtful = [other for other in others if not CAUSES[other].in_machine]
+        if self.verdict is Verdict.AMBIGUOUS and id not in shared and doubtful:
+            raise UnusableResultError(
+                f"These data do not distinguish what lies in the machine from"
+                f" {', '.join(doubtful)}, which lies in the measurement.",
+                "Take the reading that diagnose names, then accept.",
+            )
+        listed = self.belief.listed
+        best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
+        if id not in best or not (best == accepted or self.is_open(best)):
+            raise UnusableResultError(
+                f"These data contradict {id}.", f"They name {', '.join(accepted)}."
+            )
+        (effect,) = (one for one in self.belief.fit(best).effects if one.cause.id == id)
+        sha256 = self.measured.source.sha256
+        return self.model.accepting(effect.accepted(on.isoformat(), sha256))
+
+    # --- patterns beyond the list, those that act together first ---
+
+    @cached_property
+    def patterns(self) -> tuple[FoundPattern, ...]:
+        """The patterns themselves; none unless the verdict is that something beyond it acts."""
+        if self.verdict is not Verdict.UNEXPLAINED or self.refuted is not None:
+            return ()
+        total: dict[str, float] = {}
+        first: dict[str, Hypothesis] = {}
+        for hypothesis in self.beyond_list:
+            for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
+                others = tuple(one for one in hypothesis.patterns if one is not pattern)
+                first.setdefault(pattern.label, replace(hypothesis, patterns=(*others, pattern)))
+                share = self.belief.unlisted[hypothesis.label]
+                total[pattern.label] = total.get(pattern.label, 0.0) + share
+        acting, patterns = {one.label for one in next(iter(self.beyond_list)).patterns}, []
+        for label, last in first.items():
+            of_it = self.measured, total[label], label in acting, self.alone.rms_after_mm
+            patterns.append(describe(last, self.belief.fit(last.ids), *of_it))
+        return tuple(filter(None, patterns))
+
+    @property
+    def acting(self) -> tuple[FoundPattern, ...]:
+        """Those of the likeliest explanation."""
+        return tuple(pattern for pattern in self.patterns if pattern.accepted)
+
+    def _beside_patterns(self) -> Iterator[tuple[Cause, Place]]:
+        """Listed causes of the likeliest explanation beyond the list, and where they act."""
+        if self.verdict is not Verdict.UNEXPLAINED or self.refuted is not None:
+            return
+        hypothesis = next(iter(self.beyond_list))
+        for effect in self.belief.fit(hypothesis.ids).effects:
+            yield effect.cause, effect.place
+        for one in hypothesis.patterns:
+            if one.how in CAUSES:
+                placed = hypothesis.at.extras[one.how]
+                yield placed.cause, placed.tried[int(one.log_shape.max(axis=1).argmax())]
+
+    # --- the data under it ---
+
+    @cached_property
+    def explained_mm(self) -> Floats:
+        """Prediction of the accepted model, or with patterns, shape (n,)."""
+        white, fit = self.white, self.fit
+        left = fit.left
+        if self.acting:
+            hypothesis = next(iter(self.beyond_list))
+            fit = self.belief.fit(hypothesis.ids)
+            # More noise predicts nothing.
+            acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
+            fits = fits_of(replace(hypothesis, patterns=acting), fit) if acting else [(1.0, fit)]
+            left = np.sum([share * after.left for share, after in fits], axis=0)
+        elif not fit.effects:
+            return self.alone.predicted_mm
+        for effect in fit.effects:
+            cause, place = effect.cause, effect.place
+            if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
+                left = white.relabelled(left, (cause, place))[0] / cause.unit_mm(place)
+        return read_only(self.measured.value - white.plain(left)[white.in_file])
+
+    @property
+    def wrong_readings(self) -> tuple[int, ...]:
+        """Indices of wrong readings, by what explains these data best."""
+        if not self.acting:
+            return self.fit.wrong_readings
+        return sum((place for cause, place in self._beside_patterns() if cause.hides_reading), ())
+
+    @property
+    def put_right(self) -> Measured:
+        """The data without the named faults that belong to this session alone.
+
+        Differences stay as they are, and so do readings in which a fault cannot be undone.
+        """
+        measured = self.measured
+        if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
+            return measured
+        value, machine = measured.value, self.model.machine
+        for effect in self.effects:
+            if not effect.cause.lasting:
+                value = effect.cause.inverted(value, effect, measured.plan, machine)
+        return replace(measured, value=value)
+
+    @cached_property
+    def lack_of_fit(self) -> LackOfFit:
+        """Test of the parameters alone; a bed's local shape as large as it is found."""
+        alone, noise = self.alone, self.model.machine.instrument.noise_mm
+        dof, size, p_value = alone.dof, alone.sigma_residuals_mm or 0.0, alone.lack_of_fit_p
+        if self.white.texture is not None:
+            fit = self.belief.fit(())
+            factor = 1.0 if self.verdict is Verdict.UNEXPLAINED else self.fit.scale_factor
+            if factor != fit.scale_factor:
+                fit = fit_hypothesis(self.belief.hypotheses[()], factor)
+            dof, p_value = len(self.white) - alone.offsets_mm.size, self.chance(fit)
+            size = math.sqrt(fit.square / dof) if dof else 0.0
+        repeats, chance = alone.repeats, None
+        if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
+            lack = max(dof * size**2 - repeats.dof * repeats.sigma_mm**2, 0.0) / (dof - repeats.dof)
+            chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))
+        left = alone.rms_after_mm
+        return LackOfFit(
+            statistic=dof * size**2 / noise**2,
+            dof=dof,
+            p_value=1.0 if p_value is None else p_value,
+            repeats_p_value=chance,
+            repeats_mm=None if repeats is None else repeats.sigma_mm,
+            left_mm=left,
+            # The fit takes a part of the noise away, too.
+            expected_mm=left * noise / size if size else noise,
+            noise_mm=noise,
+            residual_mm=size,
+        )
+
+    @property
+    def notes(self) -> Iterator[Reason]:
+        """Remarks: the data, listed causes beside patterns, what is open, other dates.
+
+        Last what stays unexplained of a local shape, where that is the rule, and claims not made.
+        """
+        yield from notes_on(self.measured)
+        belief, white, machine = self.belief, self.white, self.model.machine
+        accepted, fit = self.accepted, self.fit
+        for id, spread in machine.doubted.items():
+            lengths = machine.nominal_rails.lengths.tolist()
+            yield Reason.of(f"doubted_{id}", lengths_mm=lengths, spread_mm=spread)
+        if self.not_excluded:
+            yield Reason.of("not_excluded", ids=self.not_excluded)
+        for cause, place in self._beside_patterns():
+            yield Reason.of("acts_too", id=cause.id, where=cause.label(place, white.plan, machine))
+        if self.verdict is Verdict.UNEXPLAINED:
+            best, least = self.best, DISMISSED * max(belief.unlisted.values())
+            if len(best) > 1 and belief.listed[best] >= least:
+                yield Reason.of("two_would_follow", ids=best)
+        if self.verdict is Verdict.AMBIGUOUS:
+            for ids in self.rival_sets:
+                if set(accepted) < set(ids):
+                    yield Reason.of("perhaps_also", ids=[id for id in ids if id not in accepted])
+        for part, probability in belief.listed.items():
+            if part and set(part) < set(accepted) and self.is_open(part):
+                others = [id for id in accepted if id not in part]
+                yield Reason.of("perhaps_alone", id=part[0], others=others, probability=probability)
+        causes = [effect.cause for effect in fit.effects]
+        if causes and not white.raw:
+            count, unknowns = len(self.measured), sum(len(cause.names) for cause in causes)
+            yield Reason.of("few_differences", count=count, spare=count - 3, unknowns=unknowns)
+        if white.raw and any(isinstance(cause, PatternCause) for cause in causes):
+            yield Reason.of("measure_again")
+        yield from self.remarks
+        if white.texture is None:
+            return
+        for cause in causes:
+            if cause.id in machine.companions:
+                yield Reason.of("remark", text=machine.companions[cause.id])
+        # Otherwise the answer follows anything.
+        if len(white) > fit.offsets.size + sum(cause.freedom for cause in causes):
+            noise, left = machine.instrument.noise_mm, white.rms(fit.left)
+            beyond = math.sqrt(max(left**2 - noise**2, 0.0))
+            sizes = {"left_mm": left, "noise_mm": min(noise, left), "beyond_mm": beyond}
+            yield Reason.of("local_residual", **sizes)
 
 
 def diagnose(
@@ -70,8 +518,8 @@ def diagnose(
 
     Raises UnusableResultError: as of `decided`.
     """
-    decision, machine, notes = decided(measured, model), model.machine, list[Reason]()
-    belief, white = decision.belief, decision.belief.at.white
+    decision, machine, remarks = decided(measured, model), model.machine, list[Reason]()
+    belief, white = decision.belief, decision.white
     changed = machine.differing(then.machine) if then is not None else ()
     anew = recalibrated or bool(changed)
     known = then if then is not None and changed else model
@@ -80,19 +528,19 @@ def diagnose(
     entered[: len(applied)] = applied
     free = len(entered) * anew
     if later is not None and anew:
-        notes.append(Reason.of("recalibrated", changed=changed))
+        remarks.append(Reason.of("recalibrated", changed=changed))
     elif later is not None:
         shift = moved_origin(later, decision.carried, entered)
         if shift is not None:
             free = len(shift)
             moves = dict(zip(machine.parameter_names, shift.tolist(), strict=False))
-            notes.append(Reason.of("origin_moved", moves=moves))
+            remarks.append(Reason.of("origin_moved", moves=moves))
     again = repeats(white, later)
     if again is not None and again > REPEATS:
-        notes.append(Reason.of("maps_repeat", correlation=again))
+        remarks.append(Reason.of("maps_repeat", correlation=again))
     alone = fit_parameters(measured, model, start=belief.at.offsets[0])
     nothing, accepted = belief.fit(()), decision.fit
-    causes, beside = list[FoundCause](), None
+    held_out, beside = None, None
     touched = bool(white.plan.touches.any())
     if accepted.effects or (touched and (sensitivity or later is not None)):
         before, after = (
@@ -105,118 +553,31 @@ def diagnose(
         if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
             refuted = refuted_later(decision, later, decision.carried, nothing, free)
             decision = replace(decision, refuted=refuted)
-            accepted = decision.fit
         # Without the cause the errors are in the unit that was written down, too.
-        unit = 1.0 if later is not None else unit_of(accepted.effects)
+        unit = 1.0 if later is not None else unit_of(decision.fit.effects)
         before = replace(before, rms_mm=before.rms_mm * unit)
+        held_out = before, after
         if touched:
             errors = {"parameters_mm": before.rms_mm, "extension_mm": after.rms_mm}
             others = baselines(white, later, entered, free)
             beside = Baselines(**errors, **others, repeats=again)
-        better = beside is not None and beside.better is not None
-        causes = _named(decision, alone, before, after, better)
     changes: dict[str, Otherwise] = {}
     if sensitivity and decision.verdict is not Verdict.CONSISTENT:
         for name, factor in (("halved", 0.5), ("doubled", 2.0)):
             other = decide_by(belief.scaled(factor))
             changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
-    offsets, covariance = decision.offsets
-    unshown = tuple(_unshown(decision, offsets, NORMAL_K * np.sqrt(np.diag(covariance))))
-    matter = {fault.id for fault in unshown if fault.matters}
-    tried = {id for ids in belief.hypotheses for id in ids}
-    patterns, with_it = list[FoundPattern](), list[tuple[Cause, Place]]()
-    if decision.verdict is Verdict.UNEXPLAINED and decision.refuted is None:
-        patterns, with_it = [*_patterns(decision, alone)], [*_beside_patterns(decision)]
-    explained, wrong = alone.predicted_mm, accepted.wrong_readings
-    if any(pattern.accepted for pattern in patterns):
-        explained = _predicted(decision, measured, *_with_patterns(decision))
-        wrong = sum((place for cause, place in with_it if cause.hides_reading), ())
-    elif accepted.effects:
-        explained = _predicted(decision, measured, accepted.left, accepted.effects)
     return Diagnosis(
+        belief=belief,
+        repeats=decision.repeats,
+        refuted=decision.refuted,
         measured=measured,
         model=model,
-        verdict=decision.verdict,
-        refuted=decision.refuted,
-        lack_of_fit=_lack_of_fit(decision, alone),
-        causes=tuple(causes),
-        baselines=beside,
-        ambiguous_with=decision.ambiguous_with,
-        not_excluded=decision.not_excluded,
-        left_open=decision.left_open,
-        by_place=(
-            *decision.by_place,
-            *((share, fit) for id, share, fit in decision.unshown if id in matter),
-        ),
-        offsets_mm=offsets,
-        covariance_mm2=covariance,
         alone=alone,
-        explained_mm=explained,
-        wrong_readings=wrong,
+        held_out=held_out,
+        baselines=beside,
         sensitivity=MappingProxyType(changes),
-        explanations=tuple(_explanations(decision)),
-        unshown=unshown,
-        patterns=tuple(patterns),
-        enterable=decision.enterable if decision.verdict is Verdict.UNEXPLAINED else 0.0,
-        beyond_tolerance=decision.beyond_tolerance,
-        assumed_sizes=tuple(
-            AssumedSize(id=id, size=cause.size(model.machine), unit=cause.unit)
-            for id, cause in CAUSES.items()
-            if id in tried and cause.assumed(model.machine)
-        ),
-        notes=tuple(_notes(decision, measured, with_it, notes)),
+        remarks=tuple(remarks),
     )
-
-
-def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
-    """The model with one more accepted cause.
-
-    Args:
-        measured, model: the data that it is identified from, and what is known so far.
-        id, on: cause to accept, and date to note.
-
-    Raises:
-        UnusableResultError: these data do not support it, the machine file rules it out, or it
-            lies in the measurement.
-    """
-    cause = CAUSES[id]
-    if not cause.lasting:
-        raise UnusableResultError(
-            f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
-            "Correct it, and measure again.",
-        )
-    if not cause.possible(model.machine):
-        raise UnusableResultError(
-            f"The machine file rules {id} out: its size under tolerances is 0.",
-            "Give it a size there if the machine may have it.",
-        )
-    decision = decided(measured, model)
-    verdict, accepted = decision.verdict, decision.accepted
-    if not accepted:
-        raise UnusableResultError(
-            f"These data are {verdict}: they do not support {id} as an extension.",
-            "See what diagnose says about them.",
-        )
-    # Faults of the measurement that stand in its place in an explanation without it; those that
-    # hold it may differ in what else was wrong with the measurement.
-    sets = (accepted, *decision.rivals)
-    shared = set.intersection(*map(set, sets))
-    others = dict.fromkeys(other for ids in sets for other in ids if other not in (id, *shared))
-    doubtful = [other for other in others if not CAUSES[other].in_machine]
-    if verdict is Verdict.AMBIGUOUS and id not in shared and doubtful:
-        raise UnusableResultError(
-            f"These data do not distinguish what lies in the machine from"
-            f" {', '.join(doubtful)}, which lies in the measurement.",
-            "Take the reading that diagnose names, then accept.",
-        )
-    listed = decision.belief.listed
-    best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
-    if id not in best or not (best == accepted or decision.is_open(best)):
-        raise UnusableResultError(
-            f"These data contradict {id}.", f"They name {', '.join(accepted)}."
-        )
-    (effect,) = (effect for effect in decision.belief.fit(best).effects if effect.cause.id == id)
-    return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
 # What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
@@ -255,7 +616,7 @@ def refuted_later(
 
     So many parameters, `free`, are others then.
     """
-    before, nothing = decision.belief.at.white.machine, np.zeros(fit.offsets.size)
+    before, nothing = decision.white.machine, np.zeros(fit.offsets.size)
     if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
         return None
     errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
@@ -268,7 +629,7 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
 
     The parameters are others on each date.
     """
-    fit, model = decision.carried, decision.belief.at.white.problem.model
+    fit, model = decision.carried, decision.white.problem.model
     lasting = tuple(cause for cause in fit.hypothesis.base if cause.lasting)
     if not isinstance(measured, Readings) or not lasting:
         return None
@@ -281,235 +642,3 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
         if refuted := refuted_later(decision, later, shaped, bare, fit.offsets.size):
             return refuted
     return None
-
-
-def _explanations(decision: Decision) -> Iterator[Explanation]:
-    """Those not dismissed, best first; those that are left open with their parameters."""
-    belief, white = decision.belief, decision.belief.at.white
-    model = white.problem.model
-    fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in decision.left_open}
-    least = DISMISSED * max(belief.probability.values())
-    # What is open is compared with the parameters alone, however improbable.
-    sound = WORTH_SAYING * (decision.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
-    for key, probability in belief.probability.items():
-        fit = fits.get(key)
-        if fit is None and probability < (least if key else sound):
-            continue
-        ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)
-        values: dict[str, object] = {"ids": ids, "pattern": pattern, "probability": probability}
-        if fit is not None:
-            std = np.sqrt(np.diag(fit.offsets_covariance))
-            values |= {
-                "rms_mm": white.rms(fit.left) if ids else None,
-                "parameters": Parameter.all_of(model, fit.offsets, std, NORMAL_K),
-                "sizes": {effect.cause.id: model.called(effect) for effect in fit.effects},
-            }
-        yield Explanation.model_validate(values)
-
-
-def _unshown(decision: Decision, offsets: Floats, u: Floats) -> Iterator[UnshownFault]:
-    """Each fault that would not show, with all places where it may be; U (3,) of the offsets."""
-    plan, machine = decision.belief.at.white.plan, decision.belief.at.white.machine
-    faults: dict[str, list[Fit]] = {}
-    for id, _, fit in decision.unshown:
-        faults.setdefault(id, []).append(fit)
-    for id, fits in faults.items():
-        places = (effect.place for fit in fits for effect in fit.effects if effect.cause.id == id)
-        wheres = (CAUSES[id].label(place, plan, machine) for place in places)
-        change = np.max([np.abs(fit.offsets - offsets) for fit in fits], axis=0)
-        largest = int(np.argmax(change / u))
-        yield UnshownFault(
-            id=id,
-            where=" or ".join(filter(None, wheres)),
-            check=CAUSES[id].words(machine).instrument,
-            change=float(change[largest]),
-            unit=machine.parameter_units[largest],
-            matters=bool(np.any(change > u)),
-        )
-
-
-def _named(
-    decision: Decision, alone: Solution, before: HeldOut, after: HeldOut, better: bool
-) -> list[FoundCause]:
-    """The accepted causes; the one without which the data are hardest to explain comes first.
-
-    What can act together with any other comes after it. `better`: what needs no cause predicts
-    better, and no shape is recommended.
-    """
-    white, machine = decision.belief.at.white, decision.belief.at.white.machine
-    accepted, ids = decision.fit, set(decision.accepted)
-    rivals = decision.rivals if decision.wrong else ()
-    same = decision.same_answer(decision.accepted)
-    by_parameters = accepted.columns[:, : accepted.offsets.size]
-    causes = []
-    for effect, slot in zip(accepted.effects, accepted.slots, strict=True):
-        cause, id = effect.cause, effect.cause.id
-        where, times = cause.label(effect.place, white.plan, machine), effect.times(machine)
-        parameters = white.problem.model.called(effect)
-        if cause.hides_reading and len(effect.place) > 1:
-            # Several wrong readings are called by their places.
-            names = (cause.label((row,), white.plan, machine) for row in effect.place)
-            pairs = zip(parameters, names, strict=True)
-            parameters = tuple(one.changed(name=name) for one, name in pairs)
-        adds = accepted.columns[:, slot] @ effect.theta[: slot.stop - slot.start]
-        # Causes that stand in its place in a rival explanation, or in one of the same remedy.
-        instead = [rival for rival in (*same, *rivals) if id not in rival if ids - {id} <= {*rival}]
-        aliases = dict.fromkeys(other for rival in instead for other in rival if other not in ids)
-        # An explanation without it may need a fault of the measurement in its place.
-        others = {other for rival in rivals if id not in rival for other in rival} - ids
-        sure = id == decision.shape or all(CAUSES[other].compensable for other in others)
-        taken = cause.compensable or id in machine.recommended
-        gains = after.rms_mm < before.rms_mm and not (better and id == decision.shape)
-        causes.append(
-            FoundCause(
-                id=id,
-                probability=decision.belief.listed[decision.accepted],
-                where=where,
-                parameters=parameters,
-                adds_mm=white.rms(unexplained(by_parameters, adds)),
-                rms_before_mm=alone.rms_after_mm * unit_of(accepted.effects),
-                rms_after_mm=white.rms(accepted.left),
-                heldout_before_mm=before.rms_mm,
-                heldout_after_mm=after.rms_mm,
-                heldout_ratio=after.ratio,
-                aliases=tuple(aliases),
-                times_stated=times if times > BEYOND else None,
-                remedy=cause.words(machine).advice.format(where=where),
-                recommended=taken and gains and sure,
-                in_machine=cause.in_machine,
-            )
-        )
-    single = {cause.id: -decision.belief.hypotheses[(cause.id,)].log_evidence for cause in causes}
-    return sorted(causes, key=lambda cause: (cause.id in machine.companions, single[cause.id]))
-
-
-def _patterns(decision: Decision, alone: Solution) -> Iterator[FoundPattern]:
-    """Patterns beyond the list, those that act together first."""
-    belief, likeliest = decision.belief, next(iter(decision.beyond_list))
-    total: dict[str, float] = {}
-    first: dict[str, Hypothesis] = {}
-    for hypothesis in decision.beyond_list:
-        for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
-            others = tuple(one for one in hypothesis.patterns if one is not pattern)
-            first.setdefault(pattern.label, replace(hypothesis, patterns=(*others, pattern)))
-            share = belief.unlisted[hypothesis.label]
-            total[pattern.label] = total.get(pattern.label, 0.0) + share
-    for label, last in first.items():
-        accepted = label in (pattern.label for pattern in likeliest.patterns)
-        of_it = alone.measured, total[label], accepted, alone.rms_after_mm
-        numbers = describe(last, belief.fit(last.ids), *of_it)
-        if numbers is not None:
-            yield numbers
-
-
-def _with_patterns(decision: Decision) -> tuple[Floats, tuple[Effect, ...]]:
-    """Remainder of the likeliest explanation beyond the list, (k,) [mm], and its listed causes.
-
-    More noise predicts nothing.
-    """
-    hypothesis = next(iter(decision.beyond_list))
-    fit = decision.belief.fit(hypothesis.ids)
-    acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
-    fits = fits_of(replace(hypothesis, patterns=acting), fit) if acting else [(1.0, fit)]
-    return np.sum([share * after.left for share, after in fits], axis=0), fit.effects
-
-
-def _beside_patterns(decision: Decision) -> Iterator[tuple[Cause, Place]]:
-    """Listed causes of the likeliest explanation beyond the list, and where they act."""
-    hypothesis = next(iter(decision.beyond_list))
-    for effect in decision.belief.fit(hypothesis.ids).effects:
-        yield effect.cause, effect.place
-    for one in hypothesis.patterns:
-        if one.how in CAUSES:
-            placed = hypothesis.at.extras[one.how]
-            yield placed.cause, placed.tried[int(one.log_shape.max(axis=1).argmax())]
-
-
-def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
-    """Judge the parameters alone; a bed's local shape as large as it is found."""
-    white = decision.belief.at.white
-    noise, dof, size = white.machine.instrument.noise_mm, alone.dof, alone.sigma_residuals_mm or 0.0
-    p_value = 1.0 if alone.lack_of_fit_p is None else alone.lack_of_fit_p
-    if white.texture is not None:
-        dof, p_value = len(white) - alone.offsets_mm.size, decision.chance(decision.alone)
-        size = math.sqrt(decision.alone.square / dof) if dof else 0.0
-    repeats, chance = alone.repeats, None
-    if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
-        lack = max(dof * size**2 - repeats.dof * repeats.sigma_mm**2, 0.0) / (dof - repeats.dof)
-        chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))
-    left = alone.rms_after_mm
-    return LackOfFit(
-        statistic=dof * size**2 / noise**2,
-        dof=dof,
-        p_value=p_value,
-        repeats_p_value=chance,
-        repeats_mm=None if repeats is None else repeats.sigma_mm,
-        left_mm=left,
-        # The fit takes a part of the noise away, too.
-        expected_mm=left * noise / size if size else noise,
-        noise_mm=noise,
-        residual_mm=size,
-    )
-
-
-def _predicted(
-    decision: Decision, measured: Measured, residual: Floats, effects: Sequence[Effect]
-) -> Floats:
-    """Prediction of each value, (n,) [mm], by a fit that leaves a whitened residual (k,) [mm]."""
-    white = decision.belief.at.white
-    for effect in effects:
-        cause, place = effect.cause, effect.place
-        if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
-            residual = white.relabelled(residual, (cause, place))[0] / cause.unit_mm(place)
-    return measured.value - white.plain(residual)[white.in_file]
-
-
-def _notes(
-    decision: Decision,
-    measured: Measured,
-    beside: Sequence[tuple[Cause, Place]],
-    more: Sequence[Reason],
-) -> Iterator[Reason]:
-    """Remarks on the answer: the data, listed causes `beside` patterns, what is open, and `more`.
-
-    Last what stays unexplained of a local shape, where that is the rule, and claims not made.
-    """
-    yield from notes_on(measured)
-    belief, white = decision.belief, decision.belief.at.white
-    machine, accepted, fit = white.machine, decision.accepted, decision.fit
-    for id, spread in machine.doubted.items():
-        lengths = machine.nominal_rails.lengths.tolist()
-        yield Reason.of(f"doubted_{id}", lengths_mm=lengths, spread_mm=spread)
-    if decision.not_excluded:
-        yield Reason.of("not_excluded", ids=decision.not_excluded)
-    for cause, place in beside:
-        yield Reason.of("acts_too", id=cause.id, where=cause.label(place, white.plan, machine))
-    if decision.verdict is Verdict.UNEXPLAINED:
-        best, least = decision.best, DISMISSED * max(belief.unlisted.values())
-        if len(best) > 1 and belief.listed[best] >= least:
-            yield Reason.of("two_would_follow", ids=best)
-    if decision.verdict is Verdict.AMBIGUOUS:
-        for ids in decision.rivals:
-            if set(accepted) < set(ids):
-                yield Reason.of("perhaps_also", ids=[id for id in ids if id not in accepted])
-    for part, probability in belief.listed.items():
-        if part and set(part) < set(accepted) and decision.is_open(part):
-            others = [id for id in accepted if id not in part]
-            yield Reason.of("perhaps_alone", id=part[0], others=others, probability=probability)
-    causes = [effect.cause for effect in fit.effects]
-    if causes and not white.raw:
-        unknowns, count = sum(len(cause.names) for cause in causes), len(measured)
-        yield Reason.of("few_differences", count=count, spare=count - 3, unknowns=unknowns)
-    if white.raw and any(isinstance(cause, PatternCause) for cause in causes):
-        yield Reason.of("measure_again")
-    yield from more
-    if white.texture is None:
-        return
-    for cause in causes:
-        if cause.id in machine.companions:
-            yield Reason.of("remark", text=machine.companions[cause.id])
-    # Otherwise the answer follows anything.
-    if len(white) > fit.offsets.size + sum(cause.freedom for cause in causes):
-        noise, left = machine.instrument.noise_mm, white.rms(fit.left)
-        beyond = math.sqrt(max(left**2 - noise**2, 0.0))
-        yield Reason.of("local_residual", left_mm=left, noise_mm=min(noise, left), beyond_mm=beyond)

@@ -1,28 +1,20 @@
 """The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, computed_field
 
-from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import determined
-from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.model.cause import Effect, Estimate
-from orthoglide_cal.model.machine import Origin
-from orthoglide_cal.model.measured import Differences, Measured
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, Where
-from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
+from orthoglide_cal.model.plan import Floats, Plan, Where
+from orthoglide_cal.schema import Minutes, Schema, Sentence
 
 # Probability from which it is told that nothing may be wrong at all: to read it costs less than to
 # look in vain for a fault.
@@ -251,137 +243,3 @@ class Otherwise(Schema):
 
     verdict: Verdict
     ids: Ids
-
-
-@dataclass(frozen=True, eq=False)
-class Diagnosis(ReadOnly):
-    """Everything that the simulation gets wrong for one file."""
-
-    measured: Measured
-    model: Model  # that they were judged by
-    verdict: Verdict
-    lack_of_fit: LackOfFit  # of the offsets-only model
-    causes: tuple[FoundCause, ...]  # accepted ones, best first; empty if none is
-    # Of a printer, what the extension is compared with; None where it was not asked.
-    baselines: Baselines | None
-    ambiguous_with: Ids  # ids that these data cannot separate from the answer
-    not_excluded: Ids  # ids that may be there where nothing shows
-    # Fits of the explanations that the data leave open, each after its share; the accepted one
-    # comes first.
-    left_open: tuple[tuple[float, Fit], ...]
-    # The same, each fault at every place where it may be if the verdict is ambiguous; after a named
-    # answer, faults that would not show but matter.
-    by_place: tuple[tuple[float, Fit], ...]
-    offsets_mm: Floats  # their mean, shape (3,)
-    covariance_mm2: Floats  # of the offsets, shape (3, 3); carries the choice within an alias class
-    alone: Solution  # the calibrated parameters alone
-    explained_mm: Floats  # prediction of the accepted model, or with patterns, shape (n,)
-    # With all tolerances "halved" and "doubled"; empty if it was not asked for.
-    sensitivity: Mapping[str, Otherwise]
-    # Those not dismissed, best first, those that are left open with their parameters.
-    explanations: tuple[Explanation, ...]
-    # Faults of the record that would not show besides the named causes.
-    unshown: tuple[UnshownFault, ...] = ()
-    # Beyond the list, best first; empty unless the verdict is that something is.
-    patterns: tuple[FoundPattern, ...] = ()
-    enterable: float = 0.0  # probability of patterns that falsify no offsets
-    wrong_readings: tuple[int, ...] = ()  # their indices, by what explains these data best
-    # What refuted the causes that explain the data best; None where nothing did.
-    refuted: Reason | None = None
-    # Causes that would explain what is unexplained, far beyond their size.
-    beyond_tolerance: tuple[TimesStated, ...] = ()
-    # Size of each cause that was tried at its default: the machine file gives none.
-    assumed_sizes: tuple[AssumedSize, ...] = ()
-    notes: tuple[Reason, ...] = ()
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """The accepted causes as fitted to these data, in the order of `causes`."""
-        effects = {effect.cause.id: effect for effect in self.left_open[0][1].effects}
-        return tuple(effects[cause.id] for cause in self.causes)
-
-    @property
-    def undecided(self) -> bool:
-        """True if the offsets depend on what these data leave open, or would not show."""
-        return self.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in self.unshown)
-
-    @property
-    def put_right(self) -> Measured:
-        """The data without the named faults that belong to this session alone.
-
-        Differences stay as they are, and so do readings in which a fault cannot be undone.
-        """
-        measured = self.measured
-        if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
-            return measured
-        value, machine = measured.value, self.model.machine
-        for effect in self.effects:
-            if not effect.cause.lasting:
-                value = effect.cause.inverted(value, effect, measured.plan, machine)
-        return replace(measured, value=value)
-
-    def require_recommended(self, id: str) -> None:
-        """Refuse to make a cause part of the machine that it names but does not recommend for it.
-
-        Raises:
-            UnusableResultError: with what to do instead.
-        """
-        for cause in self.causes:
-            if cause.id == id and CAUSES[id].lasting and not cause.recommended:
-                many = self.model.machine.vocabulary.many
-                raise UnusableResultError(
-                    f"Making {id} part of the machine's model is not recommended: it does not"
-                    f" last as it is, does not predict better than {many} only, or something else"
-                    " explains these data as well.",
-                    cause.remedy,
-                )
-
-    def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
-        """Contributions to the uncertainty of a solution's offsets for these data, by cause.
-
-        Each explanation, besides the offsets alone, by the probability that the data leave it: how
-        far it would move the offsets, and how much less sure of them it is.
-        """
-        least, fits = solution.budget.covariance_mm2, self.left_open
-        if self.verdict is Verdict.UNEXPLAINED:
-            return (Contribution.beyond(Origin.EXPLANATIONS, self.covariance_mm2 - least),)
-        consistent = self.verdict is Verdict.CONSISTENT
-        if consistent:
-            (_, alone), *others = fits
-            least, fits = alone.offsets_covariance, tuple(others)
-        contributions = []
-        for share, fit in fits:
-            apart = fit.offsets - solution.offsets_mm
-            spread = share * (fit.offsets_covariance - least + np.outer(apart, apart))
-            contributions.append(
-                Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent)
-            )
-        return tuple(contributions)
-
-    @property
-    def budget(self) -> Budget:
-        """The uncertainty of the offsets by source; what the verdict leaves open comes last."""
-        known = self.left_open[0][1].budget(self.model.machine.instrument)
-        left = self.covariance_mm2 - known.covariance_mm2
-        return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
-
-    @property
-    def std_mm(self) -> Floats:
-        """Standard deviations of the offsets, shape (3,)."""
-        return np.sqrt(np.diag(self.covariance_mm2))
-
-    @property
-    def rivals(self) -> tuple[Ids, ...]:
-        """Causes open in place of the answer or besides it, in the order of `ambiguous_with`.
-
-        Causes that act together are one, unless each of them is open alone, too.
-        """
-        (_, answer), *others = self.left_open
-        apart = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
-        order, alone = self.ambiguous_with, {ids for ids in apart if len(ids) == 1}
-        kept = {
-            ids
-            for ids in apart
-            if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
-        }
-        return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))

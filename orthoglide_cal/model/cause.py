@@ -81,7 +81,7 @@ class Cause:
 
     id: str  # cause id of the contract
     title: str
-    stage: Stage
+    stage: Stage  # that whose method it overrides
     unit: str  # of its parameters and of its size in the machine file
     # Kind of machine → plausible size of a parameter (one standard deviation, in `unit`) where the
     # machine file gives none; of another kind its class says it, or it does not happen there.
@@ -115,6 +115,11 @@ class Cause:
     # Kind of machine → title, instrument, advice and no_setting where they are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
+    def __init_subclass__(cls) -> None:
+        for stage in Stage:
+            if stage in vars(cls):
+                cls.stage = stage
+
     def words(self, machine: Machine) -> Self:
         """A copy of the cause, worded as people at this kind of machine call it.
 
@@ -144,10 +149,6 @@ class Cause:
     def possible(self, machine: Machine) -> bool:
         """True if it can happen on this machine and its gauge."""
         return self.size(machine) > 0.0
-
-    def corrected_at_joints(self, machine: Machine) -> bool:
-        """True if the controller of this machine can take it away by tables of its joints."""
-        return self.by_joint and machine.adds_to_joints
 
     def within(self, spots: int) -> Self | None:
         """The cause with no more parameters than so many places may show; None if with none."""
@@ -284,10 +285,10 @@ class Cause:
         return np.stack([added[1 : n + 1], added[: n + 1 : -1]])
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
+        self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine, where: Numbers
     ) -> Numbers:
         """Gauge positions (..., n) [mm]; `where` as in `GaugeResponse`."""
-        return heights
+        return readings
 
     def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
         """Readings (n,) [mm] without a fault of contact or record, where that can be undone."""

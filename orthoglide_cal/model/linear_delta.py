@@ -39,6 +39,7 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
+    HOMING_MM,
     Bed,
     Influence,
     Instrument,
@@ -173,7 +174,8 @@ class ProbePlan(Plan):
     place: Floats  # where the controller believes the nozzle to be, shape (n, 3) [mm]
     other: Floats  # the second place of a distance; of a touch the place itself, (n, 3) [mm]
     surface: Floats  # height of the touched surface over the bed, (n,) [mm]; 0 for a distance
-    distance: Bools  # whether it is a distance, (n,)
+    # Whether it is a distance, (n,).
+    distance: Bools = field(default_factory=lambda: read_only(False, np.bool_))
     # Derivatives by the calibrated parameters, which have values of their own on each day, (n, 6);
     # zero on the day whose values are looked for.
     slope: Floats = field(default_factory=lambda: read_only(0.0))
@@ -256,8 +258,7 @@ class ProbePlan(Plan):
         """Local shape of the bed under each touch, columns of unit size, shape (n, m).
 
         Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`. Of more than
-        `MOST_TOUCHES` it is what the shape at no more than `KNOTS` places says of them (Nyström);
-        finer than that it counts as noise.
+        `MOST_TOUCHES` it is what the shape at no more than `KNOTS` places says of them (Nyström).
         """
         touches = np.flatnonzero(self.touches)
         knots = place = self.place[touches, :2]
@@ -273,12 +274,6 @@ class ProbePlan(Plan):
         local = np.zeros((len(self), len(size)))
         local[touches] = shape
         return read_only(local)
-
-    @property
-    def texture_rest(self) -> float:
-        """Variance of the local shape that is finer than `texture`, mean of the touches."""
-        square = (self.texture[self.touches] ** 2).sum(axis=1)
-        return max(1.0 - float(square.mean()), 0.0) if len(square) > MOST_TOUCHES else 0.0
 
     @cached_property
     def cells(self) -> Ints:
@@ -317,7 +312,7 @@ class PlannedTouch(NamedTuple):
     def planned(cells: Sequence[AnyCell]) -> ProbePlan:
         """The plan of such touches in time order."""
         place, nothing = np.array([(*cell, 0.0) for cell in cells]), np.zeros(len(cells))
-        return touching(place, nothing, np.arange(len(cells)))
+        return touching(place, nothing)
 
     @property
     def stand(self) -> tuple[()]:
@@ -341,6 +336,8 @@ class LinearDelta(Machine):
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
     parameter_symbols = parameter_names
     parameter_units = ("mm", "mm", "mm", "mm", "deg", "deg")
+    # As well as a rule shows how high a switch is and how far out, a square the towers.
+    max_reportable_u = (1.5, 1.5, 1.5, 1.5, 1.0, 1.0)
     # What is expected of readings hardly depends on how far such a machine is off.
     linearization_points = read_only(np.zeros((1, 6)))
     # On a flat bed these look alike.
@@ -460,13 +457,8 @@ class LinearDelta(Machine):
     def plausible(self) -> tuple[float, ...]:
         """A radius is measured with a ruler, and towers are bolted to plates [mm, deg]."""
         radius_mm, angle_deg = 5.0, 2.0
-        return (*[self.homing_std_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
-
-    @property
-    def max_reportable_u(self) -> tuple[float, ...]:
-        """As well as a rule shows how high a switch is and how far out, a square the towers."""
-        length_mm, angle_deg = 1.5, 1.0
-        return (*[length_mm] * (len(TOWERS) + 1), angle_deg, angle_deg)
+        homing_mm = self.homing_mm or HOMING_MM
+        return (*[homing_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
 
     @property
     def travel_mm(self) -> float:
@@ -653,18 +645,22 @@ class LinearDelta(Machine):
             raised = plan.place[some] + [0.0, 0.0, height]
             yield (
                 Reason.of("touch_raised", places=len(some), height_mm=height),
-                touching(raised, plan.surface[some] + height, np.arange(len(some))),
+                touching(raised, plan.surface[some] + height),
                 len(some) * (MINUTES_PER_TOUCH + MINUTES_PER_BLOCK),
             )
 
     def layouts(self) -> tuple[Layout, ...]:
         """Few places or many, blocks, a printed object."""
-        calliper = self.probe.noise_mm / self.probe.calliper_mm
         heights = ", ".join(f"{height:g}" for height in BLOCKS_MM)
         turn = np.radians(30.0 + 60.0 * np.arange(6))
         ring = PILLARS * self.bed_radius_mm * np.stack((np.cos(turn), np.sin(turn)), axis=1)
-        first = np.vstack((np.zeros((6, 2)), ring))
-        printed = first, np.vstack((ring, np.roll(ring, -1, axis=0)))
+        # From the middle to each pillar, then from each pillar to the next.
+        first, second = np.zeros((2, 12, 3))
+        first[6:, :2], second[:6, :2], second[6:, :2] = ring, ring, np.roll(ring, -1, axis=0)
+        calliper = np.full(len(first), self.probe.noise_mm / self.probe.calliper_mm)
+        distance = np.full(len(first), True)
+        nothing = np.zeros(len(first))
+        printed = touching(first, nothing, other=second, distance=distance, precision=calliper)
         flat, raised, measured = [], [], []
         for count in PLACES:
             at = mixed(rings(count, REACH * self.bed_radius_mm))
@@ -673,7 +669,7 @@ class LinearDelta(Machine):
             what = f"{count} places of the bed, and again on blocks of {heights} mm"
             raised.append(layout_of(f"blocks-{count}", what, bed + up))
             what = f"{count} places of the bed, and {len(first)} distances on a printed object"
-            measured.append(layout_of(f"print-{count}", what, bed, printed, calliper))
+            measured.append(layout_of(f"print-{count}", what, bed, printed))
         return (*flat, *raised, *measured)
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
@@ -690,7 +686,10 @@ class LinearDelta(Machine):
 
     def local_shape(self, plan: ProbePlan) -> Influence:
         size, assumed = stated_or(self.probe.texture_mm, TEXTURE_MM)
-        columns, rest = size * plan.texture, size**2 * plan.texture_rest
+        columns, touches = size * plan.texture, int(plan.touches.sum())
+        # Mean variance of what is finer than the columns.
+        finer2 = max(size**2 - float((columns**2).sum()) / max(touches, 1), 0.0)
+        rest = finer2 if touches > MOST_TOUCHES else 0.0
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True, rest=rest)
 
     def _above(self, radius: Numbers | float) -> Numbers:
@@ -749,47 +748,32 @@ def mixed(places: Floats) -> Floats:
 def touching(
     place: Floats,
     surface: Floats,
-    order: Ints,
+    order: Ints | None = None,
     minutes: Floats | None = None,
-    other: Floats | None = None,
-    calliper: float = 1.0,
+    **distances: Numbers,
 ) -> ProbePlan:
-    """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3).
-
-    `calliper` is how precise a distance is compared to a touch: ratio of the standard deviations.
-    """
-    n, touches = len(place), len(surface)
+    """Touches of surfaces (n,) at places (n, 3) [mm]; further columns are those of `ProbePlan`."""
+    order = np.arange(len(place)) if order is None else order
     clock = np.asarray(MINUTES_PER_TOUCH * order if minutes is None else minutes, np.float64)
-    distance = np.arange(n) >= touches
-    return ProbePlan(
-        order=order,
-        hours=clock / 60.0,
-        place=place,
-        other=place if other is None else other,
-        surface=np.concatenate((surface, np.zeros(n - touches))),
-        distance=distance,
-        precision=np.where(distance, calliper, 1.0),
-    )
+    columns: dict[str, Numbers] = {"other": place, **distances}
+    return ProbePlan(order=order, hours=clock / 60.0, place=place, surface=surface, **columns)
 
 
 def layout_of(
     name: str,
     what: str,
     parts: Sequence[tuple[Floats, float]],
-    printed: tuple[Floats, Floats] | None = None,
-    calliper: float = 1.0,
+    printed: ProbePlan | None = None,
 ) -> Layout:
-    """Touches of places (m, 2), height by height, then distances between places (d, 2) [mm]."""
-    first = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
-    other, touches = first, len(first)
-    pace = np.where(first[:, 2] > 0.0, MINUTES_PER_TOUCH + MINUTES_PER_BLOCK, MINUTES_PER_TOUCH)
+    """Touches of places (m, 2) [mm], height by height, then distances on a printed object."""
+    place = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
+    raised = place[:, 2] > 0.0
+    pace = np.where(raised, MINUTES_PER_TOUCH + MINUTES_PER_BLOCK, MINUTES_PER_TOUCH)
+    plan = touching(place, place[:, 2])
     if printed is not None:
-        first, other = (
-            np.vstack((first, np.column_stack((at, np.zeros(len(at)))))) for at in printed
-        )
-        other[:touches] = first[:touches]
-        pace = np.append(pace, np.full(len(first) - touches, MINUTES_PER_DISTANCE))
-        pace[touches] += MINUTES_PER_PRINT
-    order, minutes = np.arange(len(first)), np.cumsum(pace) - pace[0]
-    plan = touching(first, first[:touches, 2], order, minutes, other, calliper)
+        plan = joined(plan, printed)
+        pace = np.append(pace, np.full(len(printed), MINUTES_PER_DISTANCE))
+        pace[len(place)] += MINUTES_PER_PRINT
+    hours = (np.cumsum(pace) - pace[0]) / 60.0
+    plan = replace(plan, order=np.arange(len(plan)), hours=hours)
     return Layout(name, what, plan, float(pace.sum()))

@@ -312,6 +312,9 @@ class Machine(Schema):
     parameter_names: ClassVar[tuple[str, ...]]
     parameter_symbols: ClassVar[tuple[str, ...]]
     parameter_units: ClassVar[tuple[str, ...]]
+    # The largest U with which each counts as determined, in its unit: below what a controller could
+    # ever need. () for what is plausible.
+    max_reportable_u: ClassVar[tuple[float, ...]] = ()
     linearization_points: ClassVar[Floats]  # offsets at which readings are foreseen, (k, p)
     # Ids of two causes that hide behind each other in the usual measurement; or ().
     rivals: ClassVar[tuple[str, ...]] = ()
@@ -411,11 +414,6 @@ class Machine(Schema):
         return f", {units.pop()}" if len(units) == 1 else ""
 
     @property
-    def homing_std_mm(self) -> float:
-        """`homing_mm`, or what is usual."""
-        return stated_or(self.homing_mm, HOMING_MM)[0]
-
-    @property
     @abstractmethod
     def instrument(self) -> Instrument:
         """Its gauge or probe."""
@@ -492,12 +490,6 @@ class Machine(Schema):
     @abstractmethod
     def plausible(self) -> tuple[float, ...]:
         """The largest size of each calibrated parameter that a machine can have, in its unit."""
-
-    @property
-    def max_reportable_u(self) -> tuple[float, ...]:
-        """The largest U with which each counts as determined, in its unit: below what a controller
-        could ever need. What is plausible, unless a kind says less."""
-        return self.plausible
 
     @property
     def travel_mm(self) -> float:

@@ -81,7 +81,9 @@ class Model:
 
     def judging(self, then: "Model") -> "Model":
         """`Machine.judging`, with the causes that are known now."""
-        return replace(self, machine=self.machine.judging(then.machine))
+        machine = self.machine.judging(then.machine)
+        accepted = tuple(effect.transferred(self.machine, machine) for effect in self.accepted)
+        return replace(self, machine=machine, accepted=accepted)
 
     def called(self, effect: Effect) -> tuple[Estimate, ...]:
         """Parameters of an effect with the names that they have on this kind of machine."""
@@ -227,7 +229,7 @@ def _simulate(
         plan = plan.steps
     readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
     for effect in model.accepted:
-        readings = effect.cause.contact(readings, effect, where, plan, machine)
+        readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect, plan, machine)
     return readings, jacobian

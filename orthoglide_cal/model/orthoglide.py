@@ -27,6 +27,7 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
+    HOMING_MM,
     Influence,
     Instrument,
     JointOffsets,
@@ -69,10 +70,6 @@ ROUNDING = 1e-9
 POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
 HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
 
-# Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
-# set up, at the isotropic posture; indices, each of shape (n,).
-_Moments = tuple[Ints, Ints]
-
 
 class Orthoglide(Machine):
     """The machine of the paper, its joint limits as displacements (errata, eq. 2)."""
@@ -80,6 +77,7 @@ class Orthoglide(Machine):
     parameter_names = AXES
     parameter_symbols = tuple(f"Δρ_{axis}" for axis in AXES)
     parameter_units = ("mm", "mm", "mm")
+    max_reportable_u = (math.inf,) * 3  # an offset is stated with its U, however large that is
     # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
@@ -114,7 +112,7 @@ class Orthoglide(Machine):
     )
     first_steps = (
         ("Measure", "measure", ""),
-        ("Or practise, in a folder of its own", "machine new --practice", ""),
+        ("Or practise first, in another folder", "machine new --practice", ""),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
@@ -195,12 +193,7 @@ class Orthoglide(Machine):
 
     @property
     def plausible(self) -> tuple[float, ...]:
-        return (self.homing_std_mm,) * len(AXES)
-
-    @property
-    def max_reportable_u(self) -> tuple[float, ...]:
-        """An offset is stated with its U, however large that is."""
-        return (math.inf,) * len(AXES)
+        return (self.homing_mm or HOMING_MM,) * len(AXES)
 
     @property
     def limits_mm(self) -> tuple[float, float]:
@@ -334,18 +327,31 @@ class Orthoglide(Machine):
         strict: bool,
         derivative: bool,
     ) -> GaugeResponse:
-        joints, moments = _joints(real, self.command(plan), plan, parameters)
+        command = self.command(plan)
+        if real.still:
+            # Readings at one posture share their moment.
+            first, moment = plan.moments
+            joints: Numbers = command.sent[first] + parameters[..., None, :]
+        else:
+            joints, moment = real.joints(command, parameters), np.arange(len(plan))
+        # Behind them where the carriages stood when gauges were set up: at the isotropic posture,
+        # with what was entered then.
+        stood, which = plan.set_up_moments
+        set_up = command.home - stood + parameters[..., None, :]
+        set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
+        moments = moment, joints.shape[-2] + which
+        joints = np.concatenate((joints, set_up), axis=-2)
         try:
             points = Points.of(real.geometry, joints, strict)
         except PostureError as error:
             failed = np.isnan(Points.of(real.geometry, joints, strict=False).tool[0])
-            bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moments[0]])
+            bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
             named = "Isotropic posture"
             if bad.size:
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        return _touched(points, plan, moments, derivative and real.still)
+        return _touched(points, plan, *moments, derivative and real.still)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -401,35 +407,16 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     return Command(joints, machine.home_mm, plan.hours, plan.in_time, plan.entered)
 
 
-def _joints(
-    real: RealMachine, command: Command, plan: GaugePlan, offsets: Numbers
-) -> tuple[Numbers, _Moments]:
-    """Where the carriages stand at each moment and, last, where they did for each set-up.
-
-    Shape (..., m + s, 3) [mm]; with them the moments of each reading. A cause of the motion may
-    depend on time: then every reading is its own moment; otherwise readings at one posture share
-    theirs. Gauges are set up at the isotropic posture, with what was entered then.
-    """
-    stood, which = plan.set_up_moments
-    set_up = command.home - stood + offsets[..., None, :]
-    if real.still:
-        first, moment = plan.moments
-        joints: Numbers = command.sent[first] + offsets[..., None, :]
-    else:
-        joints = real.joints(command, offsets)
-        moment = np.arange(len(plan))
-    set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
-    return np.concatenate((joints, set_up), axis=-2), (moment, joints.shape[-2] + which)
-
-
-def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: bool) -> GaugeResponse:
+def _touched(
+    points: Points, plan: GaugePlan, moment: Ints, set_up: Ints, derivative: bool
+) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
+    When each reading was taken and when its gauge was set up are moments of the points, (n,).
     Its derivative is in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction =
     (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place,
     because fresh memory for such long arrays costs more than the arithmetic.
     """
-    moment, set_up = moments
     leg, direction = plan.leg, plan.direction
     column = (-1, *[1] * (points.tool.ndim - 2))
     gauge_at, contact = plan.gauge_at.reshape(column), plan.contact.reshape(column)

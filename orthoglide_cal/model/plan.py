@@ -305,30 +305,24 @@ class Contrasts(ReadOnly):
         """W y of readings (n,), or of columns (..., n, q); Wᵀ d of data if it is turned."""
         if values.ndim == 1:
             return np.asarray((self @ values[:, None])[:, 0])
-        return self._spread(values) if self.turned else self._contrasted(values)
+        v, t = self._reflected
+        width, precision = v.shape[1], self.precision[:, None]
+        if self.turned:
+            values = self._weighed(values)
+            spread = -v @ (t @ (v[width:].T @ values))
+            spread[..., width:, :] += values
+            return np.asarray(precision * spread)
+        values = precision * values
+        inner = t.T @ (v.T @ values)
+        values = values[..., width:, :]
+        values -= v[width:] @ inner
+        return self._weighed(values)
 
     def __rmatmul__(self, values: Floats) -> Floats:
         """Y W of rows (..., q, k), or of one row (k,)."""
         if values.ndim == 1:
             return self.T @ values
         return np.asarray(np.swapaxes(self.T @ np.swapaxes(values, -1, -2), -1, -2))
-
-    def _contrasted(self, values: Floats) -> Floats:
-        values = self.precision[:, None] * values
-        v, t = self._reflected
-        width = v.shape[1]
-        inner = t.T @ (v.T @ values)
-        values = values[..., width:, :]
-        values -= v[width:] @ inner
-        return self._weighed(values)
-
-    def _spread(self, values: Floats) -> Floats:
-        values = self._weighed(values)
-        v, t = self._reflected
-        width = v.shape[1]
-        spread = -v @ (t @ (v[width:].T @ values))
-        spread[..., width:, :] += values
-        return np.asarray(self.precision[:, None] * spread)
 
     def _weighed(self, values: Floats) -> Floats:
         """D d of columns (..., k, q)."""

@@ -91,10 +91,6 @@ class GaugePlan(Plan):
     rows = MappingProxyType({"entered": 3})
 
     @property
-    def setups(self) -> int:
-        return int(self.setup.max()) + 1 if len(self) else 0
-
-    @property
     def shared(self) -> Ints:
         return self.setup
 
@@ -124,7 +120,8 @@ class GaugePlan(Plan):
 
     @step_property
     def zeros(self) -> Floats:
-        return read_only(self.setup[:, None] == np.arange(self.setups), np.float64)
+        setups = np.arange(self.setup.max(initial=-1) + 1)
+        return read_only(self.setup[:, None] == setups, np.float64)
 
     @step_property
     def cells(self) -> Ints:

@@ -20,7 +20,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Answer, CheckReading, Identity, Validity, recording
-from orthoglide_cal.results.answer import THEN, InputFile
+from orthoglide_cal.results.answer import RETAKE, THEN, InputFile
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
@@ -128,16 +128,16 @@ class Case:
         paths += filter(None, [other])
         return command(verb, *paths, machine=self.machine_file, options=" ".join(given))
 
-    def remedies(self, *verbs: str) -> Iterator[doc.Instruction]:
-        """Steps instead of entering the parameters, and about causes; with `verbs` only those."""
+    def remedies(self, *wanted: str) -> Iterator[doc.Instruction]:
+        """Steps instead of entering the parameters, and about causes; with options only these."""
         steps = []
         for remedy in self.answer.release.remedies:
-            verb, typed = remedy.verb, None
-            if verb in (THEN, "measure"):
-                typed = self.further(None if verb == THEN else remedy.options)
+            verb, options, typed = remedy.verb, remedy.options, None
+            if verb == "measure" and options != RETAKE:
+                typed = self.further(None if options == THEN else options)
             elif verb is not None:
-                typed = self.typed(*verb.split(), remedy.options)
-            if not verbs or verb in verbs:
+                typed = self.typed(verb, options)
+            if not wanted or options in wanted:
                 steps.append(doc.Instruction(self.says(remedy.sentence), typed))
         yield from dict.fromkeys(steps)  # two reasons may have one remedy
 

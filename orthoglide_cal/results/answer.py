@@ -31,8 +31,8 @@ from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
-# Verbs of remedies: measure further after these readings; replace some of them.
-THEN, RETAKE = "measure --then", "measure --resume"
+# Options of `measure` in remedies: further readings after these; some of these once more.
+THEN, RETAKE = "--then", "--resume"
 
 
 class InputFile(Schema):
@@ -64,7 +64,7 @@ class Remedy(Schema):
     """Something to do about the result, or instead of entering it.
 
     `sentence` ends with a colon where its command follows: `verb` and `options` are those of a
-    command about the same file; "measure" alone begins a session of its own.
+    command about the same file; "measure" with other options begins a session of its own.
     """
 
     sentence: Sentence

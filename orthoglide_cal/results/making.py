@@ -64,13 +64,6 @@ _DIAGNOSED = (
     *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
 
-# What other data of the same file, judged alone, say where they do not contradict.
-_ALONE: Mapping[Verdict | None, str] = {
-    Verdict.NAMED: "alone_named",
-    Verdict.AMBIGUOUS: "alone_ambiguous",
-    Verdict.UNEXPLAINED: "alone_unexplained",
-}
-
 
 def answer_to(
     given: Input,
@@ -123,19 +116,16 @@ def answer_to(
     decision = release(solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
     if kept and diagnosis.verdict is not Verdict.CONSISTENT:
-        retake = Remedy.of("retake", RETAKE, kept=kept)
+        retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    alone, diagnosed_as = widened(given, solution, diagnosis), None
-    if diagnosis.verdict is not Verdict.CONSISTENT:
-        diagnosed_as = _as_diagnosed(given, solution, diagnosis)
-    named = diagnosis.verdict is Verdict.NAMED
-    shown_as = None if method else diagnosed_as
-    chosen = shown_as or alone
+    verdict, alone = diagnosis.verdict, widened(given, solution, diagnosis.adds_to(solution))
+    consistent, named = verdict is Verdict.CONSISTENT, verdict is Verdict.NAMED
+    judged = alone if consistent else _as_diagnosed(given, solution, diagnosis)
+    chosen = alone if method else judged
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
-    real = (diagnosed_as if named else None) or chosen
-    budget, offsets_only = chosen.budget, parameters_of(alone)
+    real, only = judged if named else chosen, chosen is alone
+    budget, offsets_only, parameters = chosen.budget, parameters_of(alone), parameters_of(chosen)
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    parameters = parameters_of(shown_as) if shown_as else offsets_only
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
     others = tuple(answer_to(other, method, details=details) for other in asked)
@@ -143,8 +133,8 @@ def answer_to(
         decision = _with_others(decision, parameters, others)
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows = promise(measured, real, change, diagnosis.put_right)
-    shown_budget = shown_as.budget if shown_as else solution.budget
-    if decision.usable and _within_noise(model, chosen, shown_budget):
+    known_by = solution.budget if only else budget
+    if decision.usable and _within_noise(model, chosen, known_by):
         # What would change then; the differences become no smaller where U allows for all of it.
         gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
         if gain <= sum(row.expanded_mm**2 for row in rows):
@@ -152,21 +142,20 @@ def answer_to(
             rows = promise(measured, real, 0.0 * change, diagnosis.put_right)
     if decision.usable:
         parameters = tuple(
-            parameter.changed(
-                enter=parameter.new(decimals) if decision.needed else parameter.active
-            )
-            for parameter in parameters
+            one.changed(enter=one.new(decimals) if decision.needed else one.active)
+            for one in parameters
         )
         left = remainder(rows, real.model)
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    left_mm = solution.rms_after_mm
-    if shown_as and named:
+    if only:
+        left_mm = solution.rms_after_mm
+    elif named:
         left_mm = diagnosis.causes[0].rms_after_mm
-    elif shown_as and any(pattern.accepted for pattern in diagnosis.patterns):
+    elif diagnosis.acting:
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
-    elif shown_as:
+    else:
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
     p_value, scatter_mm, stated_mm = _left_over(solution, diagnosis)
     lines, total = budget_lines(budget)
@@ -190,7 +179,7 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(parameters=offsets_only, rms_after_mm=solution.rms_after_mm)
-        if named and shown_as
+        if named and not only
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
@@ -203,12 +192,12 @@ def answer_to(
             p_value=p_value,
         ),
         deviations=rows,
-        as_found=spread({row.name: row.measured_mm for row in rows}) if rows else None,
-        expected=spread({row.name: row.expected_mm for row in rows}) if rows else None,
+        as_found=_spread({row.name: row.measured_mm for row in rows}),
+        expected=_spread({row.name: row.expected_mm for row in rows}),
         budget=lines,
         total=total,
         converged=solution.converged,
-        residuals=tuple(_residuals(measured, solution, diagnosis)) if details or shown_as else (),
+        residuals=tuple(_residuals(measured, solution, diagnosis)) if details or not only else (),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if rows and decision.needed else None,
         ruled_out=model.ruled_out,
@@ -240,15 +229,13 @@ def with_dates(
     for dated in inputs:
         machines = diagnosis.model.machine, dated.model.machine
         model = dated.model.extended(effect.transferred(*machines) for effect in lasting)
-        alone = widened(dated, solve(dated.measured, model), None)
-        path = dated.measured.source.path
-        dates.append(schema.OfDate(path=path, parameters=parameters_of(alone)))
+        parameters = parameters_of(widened(dated, solve(dated.measured, model)))
+        dates.append(schema.OfDate(path=dated.measured.source.path, parameters=parameters))
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
 
 
-def widened(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> Solution:
-    """The solution as unsure as the diagnosis and the temperature leave it."""
-    more = diagnosis.adds_to(solution) if diagnosis else ()
+def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ()) -> Solution:
+    """The solution as unsure as `more` and the temperature leave it."""
     return replace(solution, budget=solution.budget.extended([*more, *_warmth(given)]))
 
 
@@ -305,7 +292,7 @@ def _with_others(
     They hold the release only where their parameters contradict these beyond U, and belong to the
     same settings.
     """
-    reasons, cautions, remedies = [], [], []
+    reasons, cautions = [], []
     for other in others:
         pairs = zip(parameters, other.parameters, strict=False)
         apart = [
@@ -318,13 +305,13 @@ def _with_others(
         stale = any(reservation.code == "stale_mesh" for reservation in other.validity.reservations)
         if apart and not stale:
             reasons.append(Reason.of("other_data_contradict", data=data, apart=apart))
-            remedies.append(Remedy.of("probe_both"))
         elif apart or not other.release.usable:
+            refused = other.verdict in (None, Verdict.CONSISTENT)
             ids = tuple(cause.id for cause in other.causes)
-            judged = Reason.of(_ALONE.get(other.verdict, "alone_refused"), ids=ids)
+            judged = Reason.of("alone_refused" if refused else f"alone_{other.verdict}", ids=ids)
             cautions.append(Reason.of("other_data", data=data, judged=judged))
     if reasons:
-        return Release(reasons=tuple(reasons), remedies=tuple(remedies))
+        return Release(reasons=tuple(reasons), remedies=(Remedy.of("probe_both"),) * len(reasons))
     return decision.changed(cautions=(*decision.cautions, *cautions))
 
 
@@ -343,8 +330,10 @@ def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
 
 
-def spread(values: Mapping[str, float]) -> schema.Spread:
-    """Size of named deviations, one at least, all together."""
+def _spread(values: Mapping[str, float]) -> schema.Spread | None:
+    """Size of named deviations all together; None without any."""
+    if not values:
+        return None
     largest = max(values, key=lambda name: abs(values[name]))
     size = rms(np.array([*values.values()]))
     return schema.Spread(rms_mm=size, largest_mm=values[largest], largest=largest)
@@ -354,8 +343,9 @@ def _residuals(
     measured: Measured, solution: Solution, diagnosis: Diagnosis
 ) -> Iterator[schema.Residual]:
     """Every reading, in the order of the file."""
-    patterns = [one for one in diagnosis.patterns if one.accepted]
-    explained = diagnosis.explained_mm.tolist() if diagnosis.causes or patterns else None
+    patterns, explained = diagnosis.acting, None
+    if diagnosis.causes or patterns:
+        explained = diagnosis.explained_mm.tolist()
     modelled, in_time = solution.predicted_mm.tolist(), np.arange(len(measured))
     moved = np.full(len(measured), np.nan)
     if not isinstance(measured, Differences):
@@ -524,8 +514,8 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
 
 
 def _unexplained(diagnosis: Diagnosis) -> Release:
-    patterns = [one for one in diagnosis.patterns if one.accepted]
-    remedies = tuple(Remedy.of("beyond_remedy", THEN, pattern=one) for one in patterns)
+    patterns = diagnosis.acting
+    remedies = tuple(Remedy.of("beyond_remedy", "measure", THEN, pattern=one) for one in patterns)
     if not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
@@ -569,8 +559,7 @@ def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy
     """The measurement that would decide what is open, or that none would."""
     if following is not None and following.between:
         own = following.session
-        verb, options = (THEN, "") if own is None else ("measure", own)
-        return Remedy.of("decides", verb, options, best=following)
+        return Remedy.of("decides", "measure", THEN if own is None else own, best=following)
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
     doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
@@ -611,7 +600,7 @@ def _named(
         if found.recommended:
             remedy = Remedy.of("accept", "diagnose", f"--accept {found.id}", id=found.id)
         remedies.append(remedy)
-        if cause.corrected_at_joints(machine):
+        if cause.by_joint and machine.adds_to_joints:
             let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=found.id)
             remedies.append(let)
         beyond = any(abs(size.value) > size.expanded for size in found.parameters)

@@ -440,8 +440,9 @@ def _by_axis(values: Floats) -> dict[str, float]:
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
     diagnosis = diagnose(given.measured, model)
-    diagnosis.alone.require_possible()
-    return widened(given, diagnosis.alone, diagnosis), diagnosis.put_right
+    alone = diagnosis.alone
+    alone.require_possible()
+    return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
 
 
 def _swapped(before: Input, after: Input) -> bool | None:

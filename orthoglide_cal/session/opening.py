@@ -375,12 +375,10 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
     # What the controller held was asked when the session began; the file may say otherwise.
     asked = _holding(request.model or model, request.offsets_mm or model.machine.active)
     one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
+    fixed = ("protocol", "cycles", "order", "seed")
     pairs: list[tuple[str, object, object]] = [
-        ("protocol", opened.protocol, request.protocol),
-        ("cycles", opened.cycles, request.cycles),
-        ("order", opened.order, request.order),
+        *((name, getattr(opened, name), getattr(request, name)) for name in fixed),
         ("gauges side by side", opened.stands, request.stands),
-        ("seed", opened.seed, request.seed),
         *((f"machine, {k}", one.get(k, "none"), other.get(k, "none")) for k in one | other),
     ]
     if request.source and (SIMULATED in request.source) != (SIMULATED in opened.source):
@@ -425,13 +423,12 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     if given is None:
         waiting = unfinished(folder)
         names = ", ".join(path.name for path in waiting)
-        if resume and len(waiting) != 1:
-            fault = f"There are {len(waiting)} unfinished sessions here: {names}."
-            if not waiting:
-                fault = "There is no unfinished session in this folder."
-            raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
         if resume:
-            return waiting[0].with_suffix(".yaml")
+            if len(waiting) == 1:
+                return waiting[0].with_suffix(".yaml")
+            several = f"There are {len(waiting)} unfinished sessions here: {names}."
+            fault = several if waiting else "There is no unfinished session in this folder."
+            raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
         if not all(map(is_practice, waiting)):  # a practice is no part of the loop
             raise UsageError(
                 f"There is an unfinished session here: {names}.",

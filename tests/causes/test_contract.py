@@ -58,7 +58,7 @@ def test_each_acts_in_its_own_stage_alone(cause: Cause, subject: Subject) -> Non
     found = {
         "geometry": np.concatenate((bent.points, bent.directions, [bent.lengths])),
         "motion": cause.motion(joints, theta, command),
-        "contact": cause.contact(heights, cause.at(theta, place), where, plan, machine),
+        "contact": cause.contact(heights, cause.at(theta, place), plan, machine, where),
         "record": cause.record(heights, cause.at(theta, place), plan, machine),
     }
     changed = [stage for stage in Stage if not np.array_equal(given[stage], found[stage])]

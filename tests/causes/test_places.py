@@ -26,7 +26,7 @@ def written(
 ) -> Floats:
     """What stands in the record of gauges that would show `values` without the cause."""
     effect = cause.at(np.zeros(0) if size is None else np.array([size]), place)
-    heights = cause.contact(values, effect, np.full(len(plan), 0.5), plan, PROTOTYPE)
+    heights = cause.contact(values, effect, plan, PROTOTYPE, np.full(len(plan), 0.5))
     return cause.record(heights, effect, plan, PROTOTYPE)
 
 

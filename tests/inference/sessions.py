@@ -1,5 +1,6 @@
 """Sessions of the independent truth as the program reads them."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -60,6 +61,13 @@ def readings_of(session: truth.Session) -> Readings:
 def ids(found: Diagnosis) -> list[str]:
     """What is named, likeliest first."""
     return [cause.id for cause in found.causes]
+
+
+def changed(diagnosis: Diagnosis, **worked_out: object) -> Diagnosis:
+    """The same with other values of what it works out once."""
+    other = replace(diagnosis)
+    vars(other).update(worked_out)
+    return other
 
 
 def reduced(kind: DataKind, readings: Readings, model: Model) -> Differences:

@@ -12,7 +12,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose, extend
+from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import HeldOut, leave_out, left_out
@@ -90,10 +90,10 @@ def test_a_doubt_about_the_record_is_no_doubt_about_the_machine() -> None:
     assert record | aliases == {"gauge_slip", "misread"}
     assert found.verdict == "named"
     assert {cause.id for cause in found.causes if cause.recommended} == {"axis_gap"}
-    (effect,) = extend(readings, model, "axis_gap", ON).accepted
+    (effect,) = found.extend("axis_gap", ON).accepted
     assert effect.cause.id == "axis_gap"
     with pytest.raises(UnusableResultError):
-        extend(readings, model, "gauge_slip", ON)
+        found.extend("gauge_slip", ON)
 
 
 def test_an_unfinished_session_is_diagnosed() -> None:

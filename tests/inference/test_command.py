@@ -5,7 +5,6 @@ Sizes are given, defaults, or ruled out.
 
 import hashlib
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SIX, answer, lines, once, run, words
 from tests.cli.program import written_in as written
-from tests.inference.sessions import given, known
+from tests.inference.sessions import changed, given, known
 from tests.machines import NOMINAL, PROTOTYPE, extended
 from tests.sentences import sentences
 
@@ -141,7 +140,7 @@ class TestAccept:
 def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
     """The same, but for the probability that nothing is wrong."""
     others = [one for one in diagnosis.explanations if not one.sound]
-    return replace(diagnosis, explanations=(*others, Explanation(probability=share)))
+    return changed(diagnosis, explanations=(*others, Explanation(probability=share)))
 
 
 class TestText:

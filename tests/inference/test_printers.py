@@ -13,7 +13,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import Input, read_input, together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose, extend
+from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
@@ -139,7 +139,7 @@ def test_what_is_carried_predicts_better_than_a_surface_and_than_the_earlier_map
 def test_a_shape_is_accepted_stored_and_carried() -> None:
     """Whatever makes it; the same touches are then explained without it."""
     first, second = map(given, dates(5, (Layout(61), Layout(61)), frozen(np.zeros(3))))
-    model = extend(first.measured, first.model, "bed_shape", date(2026, 1, 31))
+    model = diagnose(first.measured, first.model).extend("bed_shape", date(2026, 1, 31))
     stored = machine_from_text(machine_text(model), "known.yaml")
     (kept,) = stored.accepted
     assert kept.cause is CAUSES["bed_shape"]

@@ -32,7 +32,7 @@ from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals
 from tests.decisions import content, diagnose_anew
-from tests.inference.sessions import OPTIMAL, given, ids, known, step_left
+from tests.inference.sessions import OPTIMAL, changed, given, ids, known, step_left
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
 from tests.truth.bed import distinguish_bed, draw_bed
 from tests.truth.beyond import draw_beyond
@@ -293,7 +293,7 @@ def test_causes_that_act_together_are_one_rival(named: Diagnosis) -> None:
         open_(),
     )
     left = (open_("axis_gap"), *sets)
-    found = replace(named, left_open=left, ambiguous_with=order)
+    found = changed(named, left_open=left, verdict=Verdict.AMBIGUOUS, _others=order)
     assert found.rivals == (("misread",), ("misread", "sign_flip"), ("bar_skew",))
 
 

@@ -86,7 +86,7 @@ def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
 
     plan = standard_plan()
     _, at, _ = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
-    found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), at, plan, PRINTER)
+    found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), plan, PRINTER, at)
     x, y = at[:75, :2].T
     near = 1e-4 * np.eye(2)
     slope = [(height(*(one[:, None])) - height(*(-one[:, None])))[0] / 2e-4 for one in near]

@@ -153,4 +153,4 @@ def test_reasons_and_sentences_belong_together() -> None:
     assert set(re.findall(r'(?:Reason|Remedy)\.of\(\s*"(\w+)"', source)) <= known
     quoted = set(re.findall(r'"(\w+)"', source))
     # The names of some are made of a field, a cause or another reason.
-    assert {re.sub("^(gauge|doubted|below)_", "", code) for code in known - quoted} <= quoted
+    assert {re.sub("^(alone|gauge|doubted|below)_", "", code) for code in known - quoted} <= quoted

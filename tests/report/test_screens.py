@@ -191,7 +191,7 @@ def test_a_plan(machine: str) -> None:
 def test_what_was_questioned_and_kept_is_retaken_first() -> None:
     case = of_orthoglide(("backlash",), 21, "micron", None)
     assert case.answer.verdict is Verdict.AMBIGUOUS
-    again = Remedy.of("do", RETAKE, what="Retake: r 14")
+    again = Remedy.of("do", "measure", RETAKE, what="Retake: r 14")
     release = case.answer.release
     kept = case.answer.changed(release=release.changed(remedies=(again, *release.remedies)))
     for said in both_screens(Case(case.given, kept)).split("\nNext\n")[1:]:

@@ -26,6 +26,7 @@ from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
 from orthoglide_cal.results.making import release
+from tests.inference.sessions import changed
 from tests.inference.sessions import given as touched
 from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.printers import printer
@@ -204,17 +205,18 @@ def test_a_cause_that_moves_nothing_does_not_bar_the_offsets() -> None:
     healthy = cases.healthy().given
     solution = solve(healthy.measured, healthy.model)
     diagnosis = diagnosis_of(cases.named_in_measurement())
-    near = replace(diagnosis, offsets_mm=solution.offsets_mm + 0.001)
+    near = changed(diagnosis, offsets=(solution.offsets_mm + 0.001, diagnosis.covariance_mm2))
     decision = release(solution, near)
     assert decision.usable
     assert "With misread the offsets change by at most" in sentences(decision.cautions)[0]
-    assert not release(solution, replace(near, offsets_mm=solution.offsets_mm + 0.1)).usable
+    far = changed(diagnosis, offsets=(solution.offsets_mm + 0.1, diagnosis.covariance_mm2))
+    assert not release(solution, far).usable
 
 
 def test_cautions_judge_the_residuals_as_the_answer_does() -> None:
     """By the fit of the diagnosis: arms that distances free leave less than the parameters."""
     diagnosis = diagnosis_of(cases.healthy())
-    judged = replace(diagnosis, lack_of_fit=diagnosis.lack_of_fit.changed(p_value=1e-9))
+    judged = changed(diagnosis, lack_of_fit=diagnosis.lack_of_fit.changed(p_value=1e-9))
     assert release(diagnosis.alone, judged).codes == ("residuals_too_large",)
     assert release(diagnosis.alone, diagnosis).codes == ()
 

@@ -3,11 +3,13 @@
 from collections import Counter
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report.documents.history import history_document
@@ -16,6 +18,7 @@ from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.inference.sessions import given as touched
 from tests.machines import NOMINAL
+from tests.printer_files import printer_cfg
 from tests.results.histories import STORIES, WANTED, Drawn, draw, measured
 from tests.results.sessions import TRUE, given, session
 from tests.truth import delta
@@ -211,3 +214,16 @@ def test_a_date_that_hardly_sees_a_large_cause_does_not_say_that_it_went():
     found = compare([touched(date) for date in dates])
     assert found.verdict is Trend.UNCHANGED
     assert any(size.name.startswith("tower_lean") for size in found.pooled)
+
+
+def test_dates_with_other_stored_arms_agree_on_the_same_machine(tmp_path: Path) -> None:
+    """Its arms, which nine distances determine, were stored 1 mm too short at first."""
+    longer = replace(delta.V400, arms=tuple(arm + 1.0 for arm in delta.V400.arms))
+    truths = delta.Truth(arms=np.ones(3)), delta.Truth(endstops=delta.V400.home - longer.home)
+    dates = []
+    for day, (machine, true) in enumerate(zip((delta.V400, longer), truths, strict=True), 1):
+        file = tmp_path / f"2025-03-0{day}.cfg"
+        file.write_text(printer_cfg(machine, true, noise=0.0, sections="c", many=True))
+        dates.append(read_input(str(file)))
+    before, after = ([p.value for p in date.parameters] for date in compare(dates).sessions)
+    assert before == pytest.approx(after, abs=1e-3)

@@ -14,7 +14,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import promise, solve
-from orthoglide_cal.inference import extend
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
@@ -53,7 +53,7 @@ def accepted(measured: Readings, model: Model, session: truth.Session, seed: int
         legs = CAUSES["leg_length"].estimated(found, np.eye(3))
         return model.extended([legs.accepted(DAY.isoformat(), "0" * 64)])
     try:
-        return extend(measured, model, effect.id, DAY)
+        return diagnose(measured, model).extend(effect.id, DAY)
     except UnusableResultError:
         return None
 

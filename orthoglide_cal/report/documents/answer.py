@@ -583,7 +583,8 @@ def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator
         rows = ((size.name, size.value, size.expanded, size.unit) for size in shown)
         others = len(sizes) - len(shown)
         rest = f" and {counted(others, 'other')}" if others else ""
-        yield f"{id}: {sizes_words(rows)}{rest}."
+        gauge = " y_x: along y on leg x." * any(size.name == "y_x" for size in shown)
+        yield f"{id}: {sizes_words(rows)}{rest}.{gauge}"
     places = [where] if len(sizes) < 2 else [size.name for size in sizes]
     for place, size in zip_longest(places, sizes) if where else ():
         words = size_words(size.value, size.expanded, size.unit) if size else ""
@@ -693,8 +694,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     facts.append(("probability", share))
     sizes = [size for cause in answer.causes for size in cause.parameters]
     if any(size.std for size in sizes):
-        gauge = "; y_x: along y on leg x" * any(size.name == "y_x" for size in sizes)
-        facts.append(("±", f"U, 95 %{gauge}"))
+        facts.append(("±", "U, 95 %"))
     yield doc.Facts(facts)
 
 

@@ -330,13 +330,13 @@ def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
     # All with the digits of the longest one: 0.20 is more than 0.2.
     digits = max((len(short(e.measured_mm, 4).partition(".")[2]) for e in rows), default=0)
     columns = {at: places, "measured, mm": [signed(row.measured_mm, digits) for row in rows]}
-    for model, values in left.items():
-        columns[f"left, {model}"] = [signed(mm, 4) for mm in values.tolist()]
+    sizes = {model: [signed(mm, 4) for mm in values.tolist()] for model, values in left.items()}
     if not readings:
         single = case.answer.input.kind == DataKind.SINGLE
-        return doc.Grid.of(columns, caption=comparison_words(single)[1])
-    if len(left) > 1:  # a long list has room for one of them
-        del columns[f"left, {next(iter(left))}"]
+        caption = f"Behind measured: what each model leaves. {comparison_words(single)[1]}"
+        return doc.Grid.of({**columns, **sizes}, caption=caption)
+    model = [*left][-1]  # a long list has room for one of them
+    columns[f"left, {model}"] = sizes[model]
     return doc.Grid.of({"no.": [str(row.order) for row in rows], **columns}, (1,))
 
 

@@ -1,6 +1,7 @@
 """Short documents: `machine`, `validate`, `apply`, and `paper`, this program's own check."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,13 +12,7 @@ from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import (
-    MEANS,
-    OWNER,
-    data_words,
-    measure_again,
-    stated,
-)
+from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application, Correction
 from orthoglide_cal.words import counted, plain, short, signed, two_figures
@@ -31,10 +26,6 @@ _ELSEWHERE = {"schema_version", "name", "tolerances", "history", "identified", "
 
 def machine_document(model: Model) -> doc.Document:
     """A machine with the numbers of its file, what was entered, and what is wrong with it."""
-    return doc.Document(partial(machine_values, model), partial(_machine_page, model))
-
-
-def _machine_page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
     numbers = {key: value for key, value in values.items() if key not in _ELSEWHERE}
     facts = doc.Facts([*_rows(numbers), *stated(machine, OWNER), *stated(machine, MEANS)])
@@ -57,7 +48,8 @@ def _machine_page(model: Model) -> doc.Page:
         doc.Section("In the controller", history),
         doc.Section("What is known to be wrong with it", wrong),
     ]
-    return doc.Page("Machine", machine.name, facts=facts, sections=sections)
+    page = doc.Page("Machine", machine.name, facts=facts, sections=sections)
+    return doc.Document(lambda: values, lambda: page)
 
 
 def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, doc.Blank]]:
@@ -101,9 +93,7 @@ def check_document(
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
     kinds, others = fault_kinds(check.problems)
     for problem, often in kinds:
-        value = f" ({problem.value!r})" if problem.value is not None else ""
-        where = f"{problem.place}: " if problem.place else ""
-        lines.append(f"  {where}{problem.what}{value}")
+        lines.append(f"  {replace(problem, file=None, remedy='').alone}")
         advice = f"{problem.remedy} {often}".strip()
         lines += [f"    → {advice}"] if advice else []
     lines += [f"  {text}" for text in others]
@@ -126,62 +116,57 @@ def application_document(
     # In the controller until then and from then on; none of a printer.
     before, after = (dict(active or {}) for active in (entry.before, entry.after))
     before, after = (after, before) if undone else (before, after)
-
-    def data() -> dict[str, object]:
-        return {
-            "schema_version": 1,
-            "simulated": simulated,
-            "machine_file": application.file.document.path,
-            "machine": machine.name,
-            "undone": undone,
-            "date": entry.date if application.changes else None,
-            "before": before,
-            "after": after,
-            "data_sha256": entry.data_sha256,
-            "corrections": [correction.model_dump() for correction in application.corrections],
-            "written": written.model_dump() if written else None,
-        }
-
-    def page() -> doc.Page:
-        words, head = machine.vocabulary, ("", "before", "change", "from now on")
+    data = {
+        "schema_version": 1,
+        "simulated": simulated,
+        "machine_file": application.file.document.path,
+        "machine": machine.name,
+        "undone": undone,
+        "date": entry.date if application.changes else None,
+        "before": before,
+        "after": after,
+        "data_sha256": entry.data_sha256,
+        "corrections": [correction.model_dump() for correction in application.corrections],
+        "written": written.model_dump() if written else None,
+    }
+    words, head = machine.vocabulary, ("", "before", "change", "from now on")
+    rows = [
+        (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
+        for name, old in before.items()
+    ]
+    caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
+    first = "The controller must hold the last column and have been homed with it."
+    if controller is not None and written is not None:
+        head, none = ("line", "what", "now", "from now on"), "(no line)"
         rows = [
-            (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
-            for name, old in before.items()
+            (str(line.line), line.key, line.before or none, doc.strong(line.after or none))
+            for line in written.values
         ]
-        caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
-        first = "The controller must hold the last column and have been homed with it."
-        if controller is not None and written is not None:
-            head, none = ("line", "what", "now", "from now on"), "(no line)"
-            rows = [
-                (str(line.line), line.key, line.before or none, doc.strong(line.after or none))
-                for line in written.values
-            ]
-            notes = map(sentence, application.remarks)
-            caption = " ".join((f"Lines of {written.target}; all others stay.", *notes))
-            if written.tables and not undone:
-                names = ", ".join(Path(table.path).name for table in written.tables)
-                held = any(line.key.endswith("BACKLASH") for line in written.values)
-                caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
-            restarts = controller.format == "linuxcnc" and not live
-            first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
-        sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
-        if application.corrections:
-            sections.append(doc.Section(None, _corrections(application.corrections)))
-        title, steps = "To be taken back", [doc.Instruction(first)]
-        if given is not None:
-            title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
-            if words.measure:
-                typed = measure_again(given.conditions, machine_file)
-                again = doc.Instruction("Measure again in the same way.", typed)
-            compare, path = "Compare with the prediction.", given.measured.source.path
-            if controller and controller.sha256 == entry.data_sha256:
-                compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
-            typed = command("verify", path, "AFTER", machine=machine_file)
-            steps += [again, doc.Instruction(compare, typed)]
-        sections.append(doc.Section(None, doc.Instructions(steps)))
-        return doc.Page(title, machine.name, sections=sections, simulated=simulated)
-
-    return doc.Document(data, page)
+        notes = map(sentence, application.remarks)
+        caption = " ".join((f"Lines of {written.target}; all others stay.", *notes))
+        if written.tables and not undone:
+            names = ", ".join(Path(table.path).name for table in written.tables)
+            held = any(line.key.endswith("BACKLASH") for line in written.values)
+            caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
+        restarts = controller.format == "linuxcnc" and not live
+        first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
+    sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
+    if application.corrections:
+        sections.append(doc.Section(None, _corrections(application.corrections)))
+    title, steps = "To be taken back", [doc.Instruction(first)]
+    if given is not None:
+        title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
+        if words.measure:
+            typed = measure_again(given.conditions, machine_file)
+            again = doc.Instruction("Measure again in the same way.", typed)
+        compare, path = "Compare with the prediction.", given.measured.source.path
+        if controller and controller.sha256 == entry.data_sha256:
+            compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
+        typed = command("verify", path, "AFTER", machine=machine_file)
+        steps += [again, doc.Instruction(compare, typed)]
+    sections.append(doc.Section(None, doc.Instructions(steps)))
+    page = doc.Page(title, machine.name, sections=sections, simulated=simulated)
+    return doc.Document(lambda: data, lambda: page)
 
 
 def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
@@ -209,23 +194,18 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
 
     As data None stands where nothing was printed or nothing can be computed.
     """
-
-    def page() -> doc.Page:
-        rows = []
-        for row in reproduction.rows:
-            computed = row.computed or (None,) * len(row.published)
-            both = (row.name, "published", row.published), ("", "computed", computed)
-            for name, origin, values in both:
-                cells = (
-                    "—" if part is None else plain(part, reproduction.digits) for part in values
-                )
-                rows.append((name, origin, *cells))
-        verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
-        if reproduction.reproduced:
-            verdict = doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
-        grid = doc.Grid(("", "", *reproduction.columns), rows, words=(0, 1))
-        kind = "Accuracy" if reproduction.table == "accuracy" else f"Table {reproduction.table}"
-        section = doc.Section(None, grid, *reproduction.notes, verdict)
-        return doc.Page(kind, reproduction.title, sections=[section])
-
-    return doc.Document(partial(reproduction.model_dump, mode="json"), page)
+    rows = []
+    for row in reproduction.rows:
+        computed = row.computed or (None,) * len(row.published)
+        both = (row.name, "published", row.published), ("", "computed", computed)
+        for name, origin, values in both:
+            cells = ("—" if part is None else plain(part, reproduction.digits) for part in values)
+            rows.append((name, origin, *cells))
+    verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
+    if reproduction.reproduced:
+        verdict = doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
+    grid = doc.Grid(("", "", *reproduction.columns), rows, words=(0, 1))
+    kind = "Accuracy" if reproduction.table == "accuracy" else f"Table {reproduction.table}"
+    section = doc.Section(None, grid, *reproduction.notes, verdict)
+    page = doc.Page(kind, reproduction.title, sections=[section])
+    return doc.Document(partial(reproduction.model_dump, mode="json"), lambda: page)
