@@ -583,7 +583,7 @@ def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator
         rows = ((size.name, size.value, size.expanded, size.unit) for size in shown)
         others = len(sizes) - len(shown)
         rest = f" and {counted(others, 'other')}" if others else ""
-        gauge = " y_x: along y on leg x." * any(size.name == "y_x" for size in shown)
+        gauge = " y_x: y on leg x." * any(size.name == "y_x" for size in shown)
         yield f"{id}: {sizes_words(rows)}{rest}.{gauge}"
     places = [where] if len(sizes) < 2 else [size.name for size in sizes]
     for place, size in zip_longest(places, sizes) if where else ():
