@@ -28,7 +28,11 @@ def export(
     method: Text = common.METHOD,
     force: bool = flag("--force", "Export a result that must not be used, marked as FORCED."),
     points: int = option(
-        "N", "Points of the table along each edge. Default: 7.", min=2, max=51, default=7
+        "N",
+        "Points of the table along each edge of the workspace. Default: 7.",
+        min=2,
+        max=51,
+        default=7,
     ),
     json: bool = common.JSON,
 ) -> None:

@@ -125,6 +125,7 @@ def new(
             place = place + 1 if goes_on else max(place - 1, 0)
     write_text(target, _made(answers, target).document.text)
     show(target, json)
+    from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.sentences import sentence
 
     for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
@@ -135,7 +136,13 @@ def new(
     guided = MACHINES[kind].vocabulary.measure
     first = command(MACHINES[kind].first_steps[0][1])
     following = common.PRACTISE if practice and guided else first
-    common.tell(f"In this folder every command uses it. Next: {following}")
+    try:
+        machine_in_folder(target.parent)
+    except UsageError as several:
+        common.tell(str(several))
+    else:
+        folder = "this" if target.parent == Path() else "its"
+        common.tell(f"In {folder} folder every command uses it. Next: {following}")
 
 
 @machine.command(cls=common.PlainCommand)

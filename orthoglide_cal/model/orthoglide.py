@@ -98,7 +98,7 @@ class Orthoglide(Machine):
         more="Measure again with more postures.",
         fewest=None,
         noise="gauge",
-        repeats="Repeats alone understate the scatter: same set-up.",
+        repeats="Repeats alone{p} understate the scatter: same set-up.",
         again="Check the set-up, measure again, and compare the two sessions.",
         positions="postures",
         instruments="gauges",

@@ -170,6 +170,10 @@ class Dialogue:
         counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
+        until = self.until_mm
+        if not (until is None or state.dropped or self._known_within(until)):
+            enough = command("plan", options=f"--target {until:g}")
+            lines.append(f"Not every offset is known within {until:g} mm. More cycles: {enough}")
         if first:
             lines.append(f"The {len(first.readings)} earlier readings are in the same file.")
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
@@ -423,10 +427,13 @@ class Dialogue:
         )
         self.asker.say(f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm", Style.DIM)
 
+    def _known_within(self, until_mm: float) -> bool:
+        known = self.so_far.expanded_mm
+        return known is not None and bool((known <= until_mm).all())
+
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
-        until, known = self.until_mm, self.so_far.expanded_mm
-        if until is None or self.state.dropped or known is None or not (known <= until).all():
+        if (until := self.until_mm) is None or self.state.dropped or not self._known_within(until):
             return
         if not (dropped := self.so_far.unneeded()):
             return

@@ -145,13 +145,14 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
     Where a screen has too few lines for it, notes give way, then baselines, the reminder to
-    solve again, the residuals, and all steps but the first.
+    solve again, the residuals, and all steps but the first ones.
     """
     answer, named = case.answer, case.answer.verdict is Verdict.NAMED
     undecided = answer.verdict is Verdict.AMBIGUOUS
     most = _UNDECIDED if undecided else _BEYOND if answer.beyond else _DECIDED
     baselines, steps = [*_baselines(case)], [*_diagnosis_steps(case)]
-    first, others = steps[:1], steps[1:]
+    kept = 1 + undecided  # what is wrong in any case, and what decides
+    first, others = steps[:kept], steps[kept:]
     residuals = [brief_residuals(case)] if named else []
     again = []
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
@@ -582,7 +583,8 @@ def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator
         rows = ((size.name, size.value, size.expanded, size.unit) for size in shown)
         others = len(sizes) - len(shown)
         rest = f" and {counted(others, 'other')}" if others else ""
-        yield f"{id}: {sizes_words(rows)}{rest}."
+        gauge = " y_x: y on leg x." * any(size.name == "y_x" for size in shown)
+        yield f"{id}: {sizes_words(rows)}{rest}.{gauge}"
     places = [where] if len(sizes) < 2 else [size.name for size in sizes]
     for place, size in zip_longest(places, sizes) if where else ():
         words = size_words(size.value, size.expanded, size.unit) if size else ""
@@ -692,8 +694,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     facts.append(("probability", share))
     sizes = [size for cause in answer.causes for size in cause.parameters]
     if any(size.std for size in sizes):
-        gauge = "; y_x: along y on leg x" * any(size.name == "y_x" for size in sizes)
-        facts.append(("±", f"U, 95 %{gauge}"))
+        facts.append(("±", "U, 95 %"))
     yield doc.Facts(facts)
 
 
@@ -769,8 +770,6 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         "used for U": noise.used_mm,
     }
     known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
-    alone = ""
-    if noise.repeats_mm is not None:
-        p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-        alone = f" {words.repeats.rstrip('.')}{p}."
+    p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+    alone = "" if noise.repeats_mm is None else f" {words.repeats.format(p=p)}"
     yield "Noise, mm", f"{', '.join(known)}.{alone}"
