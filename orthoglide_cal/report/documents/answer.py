@@ -701,11 +701,15 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
 def _doubts(case: Case, *, brief: bool = False) -> Iterator[str]:
     """Faults that would not show and change little, and causes far beyond their size."""
     answer, machine = case.answer, case.machine
-    if faults := [fault for fault in answer.unshown if not fault.matters]:
-        places = (f"{fault.id} ({fault.where})" if fault.where else fault.id for fault in faults)
-        many = brief and len(faults) > 1
-        check = "--details" if many else "; ".join(fault.check for fault in faults)
-        yield f"These readings cannot show {' or '.join(places)}. How to check: {check}."
+    faults = [fault for fault in answer.unshown if not fault.matters]
+    places = [f" ({fault.where})" if fault.where else "" for fault in faults]
+    if brief and len(faults) > 1:
+        named = " or ".join(f"{fault.id}{at}" for fault, at in zip(faults, places, strict=True))
+        yield f"These readings cannot show {named}. How to check: --details."
+        faults = []
+    for fault, at in zip(faults, places, strict=False):
+        title = f"{case.title_of(fault.id)}{at}"
+        yield f"These readings cannot show whether {title}. How to check: {fault.check}."
     large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
     would = "would explain these readings with"
     large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
