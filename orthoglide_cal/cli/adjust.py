@@ -23,7 +23,7 @@ def adjust(
     from orthoglide_cal.causes import HOME_SWITCH
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
-    from orthoglide_cal.report.documents.adjustment import adjustment_document
+    from orthoglide_cal.report.documents.short import adjustment_document
     from orthoglide_cal.results.answer import InputFile, MachineName
     from orthoglide_cal.results.validity import validity
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments

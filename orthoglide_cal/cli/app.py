@@ -41,8 +41,6 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 _ASCII = {
     "−": "-", "–": "-", "±": "+/-", "→": "->", "←": "<-", "µ": "u", "σ": "s", "·": ".", "✔": "+",
 }  # fmt: skip
-# What the commands that have one result call their input.
-_INPUTS = ("file", "session", "before", "sessions")
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own
@@ -74,9 +72,7 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except OrthocalError as error:
-            # As JSON every error names its input, the first one where a command has several.
-            inputs = (ctx.obj or {}).get
-            path = next(filter(None, map(inputs, _INPUTS)), getattr(error, "file", None))
+            path = ctx.obj or getattr(error, "file", None)
             path = path[0] if isinstance(path, list) else path
             common.tell_error(error, str(path) if path and as_json else None, as_json)
             raise typer.Exit(error.exit_code) from error

@@ -77,7 +77,9 @@ class PlainCommand(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         if ctx.params.pop(NO_COLOUR):
             os.environ["NO_COLOR"] = "1"  # for rich and every child process
-        ctx.find_root().obj = ctx.params
+        # As JSON every error names its input, the first one where a command has several.
+        first = next((p.name for p in self.params if p.param_type_name == "argument"), None)
+        ctx.find_root().obj = ctx.params.get(first)
         raise typer.Exit(super().invoke(ctx) or 0)  # what a command returns is its exit code
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,7 +149,7 @@ def gcode(
     model: Model = NOMINAL,
     steps: Sequence[SessionStep] | None = None,
     template: str | None = None,
-    **options: object,
+    **options: Any,
 ) -> str:
     """The program as it is written to a file, in a folder of its own."""
     chosen = steps_of(model) if steps is None else steps
@@ -157,7 +158,7 @@ def gcode(
     if template is not None:
         path = own / "template.nc"
         path.write_text(template, encoding="utf-8")
-    write_program(posture_program(model, chosen, SESSION, **options), made, path)  # type: ignore[arg-type]
+    write_program(posture_program(model, chosen, SESSION, **options), made, path)
     return made.read_text(encoding="utf-8")
 
 
