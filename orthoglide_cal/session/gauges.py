@@ -64,10 +64,6 @@ class LiveGauge(Protocol):
     def poll(self, asked: bool) -> list[Token]:
         """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
 
-    def close(self) -> None:
-        """Let go of the port, if it has one."""
-        return
-
 
 # ---- gauges on serial lines or USB-serial adapters, through pyserial
 
@@ -250,6 +246,7 @@ class SerialPort:
         return tokens
 
     def close(self) -> None:
+        """Let go of the port."""
         if self._line is not None:
             with suppress(OSError):
                 self._line.close()
@@ -293,10 +290,6 @@ class SerialGauge(LiveGauge):
                     elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is next."
                 heard.append(token._replace(source=name, elsewhere=elsewhere))
         return heard
-
-    def close(self) -> None:
-        for port in self.ports:
-            port.close()
 
 
 def _decoded(message: bytes) -> str:
