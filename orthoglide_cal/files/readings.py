@@ -66,12 +66,13 @@ class Circumstances(Schema):
     gauges: tuple[GaugeIdentity, ...] = ()  # that were used
     started: Moment | None = None  # ISO 8601
     finished: Moment | None = None
+    environment: Mapping[str, str | None] = {}  # name → what is said of it
 
 
 class Conditions(Circumstances):
     """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
 
-    environment: tuple[tuple[str, str], ...] = ()  # name, and what is said of it
+    environment: Mapping[str, str] = {}
     temperature_c: tuple[float, ...] = ()  # of the thermometer, in the order of time
     retaken: int = 0  # number of readings that were replaced
     skipped: int = 0  # number of steps that were left out
@@ -90,7 +91,7 @@ class Conditions(Circumstances):
         def stated(end: int, *names: str) -> float | None:
             for name in names:
                 with suppress(InputError):
-                    return parse_number(dict(self.environment).get(name, ""))
+                    return parse_number(self.environment.get(name, ""))
             return self.temperature_c[end] if self.temperature_c else None
 
         return stated(0, "temperature_start_c", "temperature_c"), stated(-1, "temperature_end_c")
@@ -129,7 +130,8 @@ def readings_in(
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
     readings = readings_of(checked, machine, rows.source, lines)
-    return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
+    found = _remarks(readings, rows.cells, machine)
+    return replace(readings, remarks=(*remarks, *rows.remarks, *found))
 
 
 def readings_of(
@@ -304,8 +306,8 @@ def _remarks(
 
 def differences_from_table(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
-    remarks = table.check_header(DifferenceRow)
     rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
+    remarks = [*rows.remarks]
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
     known = {difference.name: difference for difference in DIFFERENCES[kind]}

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated
 
-from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
+from pydantic import InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import machine_file
@@ -22,22 +22,24 @@ from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Reason, Version
 
-_COLUMNS = (*ReadingRow.columns(), "timestamp")
 _ROWS = ("readings", "retaken", "skipped")
 
 
 class Session(Circumstances):
     """A session as its file holds it; keys that are unknown are kept out of it, and reported."""
 
-    model_config = ConfigDict(extra="ignore")
-
     schema_version: Version = 1
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
     protocol: str | None = ""
-    environment: Mapping[str, str | None] | None = None  # name → what is said of it
     readings: tuple[ReadingRow, ...] = ()  # that count
     retaken: tuple[ReadingRow, ...] = ()  # that were replaced
     skipped: tuple[ReadingRow, ...] = ()  # steps that were left out
+
+
+class _Frame(Circumstances):
+    """Keys of a session besides its machine and rows."""
+
+    schema_version: Version = 1
 
 
 def session_from_tree(
@@ -66,15 +68,14 @@ def session_from_tree(
             what = f"The session was read with gauges; {none}"
             raise InputError(what, "Leave --machine out.", file=tree.file) from error
     recorded = machine_file.machine_in(tree, ("machine",))
-    machine = {"machine": model or recorded or machine_file.default_machine()}
-    content = {key: value for key, value in tree.value.items() if value is not None}
-    for key, wanted in (("retaken", True), ("skipped", False)):
-        content[key] = [row for _, row in Rows(tree, ReadingRow, (key,), wanted=wanted).sound]
+    replaced = Rows(tree, ReadingRow, ("retaken",))
+    skipped = Rows(tree, ReadingRow, ("skipped",), wanted=False)
+    given = {key: tree.value.get(key) for key in _Frame.model_fields}
+    frame = _Frame()
     try:
-        session = Session.model_validate({**content, **machine, "readings": ()})
+        frame = _Frame.model_validate({key: v for key, v in given.items() if v is not None})
     except ValidationError as error:
-        tree.take(error, Session)
-        session = Session.model_validate(machine)
+        tree.take(error, _Frame)
     judge = model or recorded
     if judge is None:
         raise tree.error()
@@ -82,31 +83,31 @@ def session_from_tree(
         held, asked = recorded.machine, model.machine
         if (held.active, held.corrected) != (asked.active, asked.corrected):
             judge = model.holding(held.active, held.corrected)
-    keys, rows = Session.model_fields, tree.value["readings"]
-    entries = (entry for entry in rows if isinstance(entry, dict)) if isinstance(rows, list) else ()
-    columns = dict.fromkeys(name for entry in entries for name in entry if name not in _COLUMNS)
+    keys = Session.model_fields
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
-    remarks += unused("Columns", columns, ReadingRow.columns())
     if recorded and (names := machine_file.differing(recorded, judge)):
         machines = {"recorded": recorded.machine.name, "given": judge.machine.name}
         remarks.insert(0, Reason.of("other_machine", **machines, keys=names))
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
-    start = session.started
+    start = frame.started
     readings = readings_in(tree, judge.machine, ("readings",), started=start, remarks=remarks)
-    conditions, labels = conditions_in(readings), {gauge.id for gauge in session.gauges}
+    conditions, labels = conditions_in(readings), {gauge.id for gauge in frame.gauges}
     others = (gauge for gauge in conditions.gauges if gauge.id not in labels)
-    environment = {name: text for name, text in (session.environment or {}).items() if text}
-    given = {key: getattr(session, key) or None for key in Circumstances.model_fields} | {
-        "environment": tuple(environment.items()),
-        "gauges": (*session.gauges, *others),
-        "retaken": len(session.retaken),
-        "skipped": len(session.skipped),
-    }
+    environment = {name: text for name, text in frame.environment.items() if text}
     origins = (environment.get(name, "") for name in ("readings_from", "source"))
     if any(origin.startswith("simulated") for origin in origins):
         readings = replace(readings, source=replace(readings.source, simulated=True))
-    return readings, judge, conditions.changed(**given), recorded
+    conditions = conditions.changed(
+        **{key: getattr(frame, key) or None for key in ("protocol", "operator")},
+        gauges=(*frame.gauges, *others),
+        started=frame.started,
+        finished=frame.finished,
+        environment=environment,
+        retaken=len(replaced.cells),
+        skipped=len(skipped.cells),
+    )
+    return readings, judge, conditions, recorded
 
 
 def session_json(session: Session) -> dict[str, object]:
