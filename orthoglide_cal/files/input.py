@@ -26,9 +26,9 @@ from orthoglide_cal.files.readings import (
     differences_from_table,
     implausible_temperatures,
     readings_in,
+    session_from_tree,
 )
 from orthoglide_cal.files.rows import Table
-from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,

@@ -1,4 +1,5 @@
-"""Rows of readings to columns of arrays, and back to rows; and files of differences."""
+"""Readings and sessions (`orthocal guide files`): rows to columns of arrays, and back to rows; and
+files of differences."""
 
 import math
 import re
@@ -6,12 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
+from typing import Annotated
 
 import numpy as np
-from pydantic import AliasChoices, ConfigDict, Field
+from pydantic import AliasChoices, ConfigDict, Field, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, Steps
+from orthoglide_cal.files import machine_file
+from orthoglide_cal.files.faults import Content, Steps, unused
 from orthoglide_cal.files.rows import (
     DIFFERENCE_NAMES,
     KIND_WORDS,
@@ -26,12 +29,14 @@ from orthoglide_cal.files.rows import (
     times_of,
 )
 from orthoglide_cal.files.text import csv_text, number_text
+from orthoglide_cal.files.yaml_tree import yaml_text
 from orthoglide_cal.model.machine import Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
-from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
+from orthoglide_cal.schema import Moment, Positive, Reason, Schema, Version, parse_number
 
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
@@ -61,6 +66,7 @@ class GaugeIdentity(OwnGauge):
 class Circumstances(Schema):
     """Frame of the readings of a session; None or empty where not given, never invented."""
 
+    schema_version: Version = 1
     protocol: str | None = None  # as `measure` was told
     operator: str | None = None
     gauges: tuple[GaugeIdentity, ...] = ()  # that were used
@@ -341,3 +347,104 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             rows.note(index, "difference", what, remedy)
         first.setdefault(name, rows.line(index))
     return kind
+
+
+# --- sessions -----------------------------------------------------------------------------------
+
+_ROWS = ("readings", "retaken", "skipped")
+
+
+class Session(Circumstances):
+    """A session as its file holds it; keys that are unknown are kept out of it, and reported."""
+
+    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
+    protocol: str | None = ""
+    readings: tuple[ReadingRow, ...] = ()  # that count
+    retaken: tuple[ReadingRow, ...] = ()  # that were replaced
+    skipped: tuple[ReadingRow, ...] = ()  # steps that were left out
+
+
+def session_from_tree(
+    tree: Content, model: Model | None
+) -> tuple[Readings, Model, Conditions, Model | None]:
+    """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
+
+    Without a model they are judged by the machine in the session itself. Which offsets were active
+    in the controller is always the session's to say. Raises InputError: everything that is
+    wrong with it, each with line and path; or it is no session.
+    """
+    if not isinstance(tree.value, dict) or "readings" not in tree.value:
+        if machine_file.is_machine_file(tree):
+            what = "This is a machine file; it holds no readings."
+            remedy = "Give it with --machine, and a file of readings as the input."
+            raise InputError(what, remedy, file=tree.file)
+        what = "This is neither a table of readings or differences nor a session."
+        header = "leg, posture, direction, reading_mm or difference, value_mm"
+        remedy = f"A CSV has a header with {header}; a session has `readings:`."
+        raise InputError(what, remedy, file=tree.file, line=1)
+    if model and not model.machine.vocabulary.measure:
+        none = f"a machine of kind {model.machine.kind} has none."
+        what = f"The session was read with gauges; {none}"
+        raise InputError(what, "Leave --machine out.", file=tree.file)
+    recorded = machine_file.machine_in(tree, ("machine",))
+    replaced = Rows(tree, ReadingRow, ("retaken",))
+    skipped = Rows(tree, ReadingRow, ("skipped",), wanted=False)
+    stated = ((key, tree.value.get(key)) for key in Circumstances.model_fields)
+    frame = Circumstances()
+    try:
+        frame = Circumstances.model_validate({key: value for key, value in stated if value})
+    except ValidationError as error:
+        tree.take(error, Circumstances)
+    judge = model or recorded
+    if judge is None:
+        raise tree.error()
+    if model and recorded:
+        held, asked = recorded.machine, model.machine
+        if (held.active, held.corrected) != (asked.active, asked.corrected):
+            judge = model.holding(held.active, held.corrected)
+    keys = Session.model_fields
+    remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
+    if recorded and (names := machine_file.differing(recorded, judge)):
+        machines = {"recorded": recorded.machine.name, "given": judge.machine.name}
+        remarks.insert(0, Reason.of("other_machine", **machines, keys=names))
+    # The readings pass the same checks as those of a CSV; faults around them are raised with
+    # theirs.
+    start = frame.started
+    readings = readings_in(tree, judge.machine, ("readings",), started=start, remarks=remarks)
+    conditions, labels = conditions_in(readings), {gauge.id for gauge in frame.gauges}
+    others = (gauge for gauge in conditions.gauges if gauge.id not in labels)
+    environment = {name: text for name, text in frame.environment.items() if text}
+    origins = (environment.get(name, "") for name in ("readings_from", "source"))
+    if any(origin.startswith("simulated") for origin in origins):
+        readings = replace(readings, source=replace(readings.source, simulated=True))
+    counts = {"retaken": len(replaced.cells), "skipped": len(skipped.cells)}
+    gauges = *frame.gauges, *others
+    given = dict(frame) | counts | {"gauges": gauges, "environment": environment}
+    conditions = conditions.changed(**given)
+    return readings, judge, conditions, recorded
+
+
+def session_json(session: Session) -> dict[str, object]:
+    """A whole session as a JSON object; saved as a .json file it reads back as a session."""
+    rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
+    content = session.model_dump(by_alias=True, exclude=set(_ROWS))
+    for gauge in content["gauges"]:
+        for name in ("due", "expanded_mm"):
+            if not gauge[name]:
+                del gauge[name]
+    return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
+
+
+def session_text(session: Session) -> str:
+    """The session file's text; one line for each reading."""
+    return yaml_text(session_json(session))
+
+
+def session_of_readings(
+    readings: Readings, model: Model, environment: Mapping[str, str]
+) -> Session:
+    """The session that holds these readings of this machine, in the order of time."""
+    rows, plan = reading_rows(readings), readings.plan
+    protocol = "double-posture" if plan.fixed else "single-posture"
+    ordered = tuple(rows[index] for index in plan.in_time.tolist())
+    return Session(machine=model, protocol=protocol, environment=environment, readings=ordered)

@@ -12,8 +12,13 @@ from orthoglide_cal.files.machine_file import (
     machine_values,
     read_machine_file,
 )
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity
-from orthoglide_cal.files.session_file import Session, session_json, session_text
+from orthoglide_cal.files.readings import (
+    Conditions,
+    GaugeIdentity,
+    Session,
+    session_json,
+    session_text,
+)
 from tests.machines import extended
 from tests.sentences import sentences
 
