@@ -156,7 +156,10 @@ def guided(
     before = {number: signal.signal(number, signal.default_int_handler) for number in caught}
     message = again = ""
     try:
-        with closing(Keyboard()) as keyboard, ExitStack() as opened:
+        with (
+            closing(Keyboard(sys.stderr if as_json else sys.stdout)) as keyboard,
+            ExitStack() as opened,
+        ):
             dialogue = begin(Asker(keyboard, _display(as_json)), opened)
             path, options = str(dialogue.path), f"{options} --resume".strip()
             again = command(verb, path, machine=machine, options=options)
