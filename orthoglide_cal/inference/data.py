@@ -215,10 +215,7 @@ class Whitened(ReadOnly):
         if self.root is not None:
             return np.asarray(self.root @ residual)
         plain = self.matrix.T @ residual
-        if self.texture is None:
-            return np.asarray(plain)
-        precision = self.plan.precision
-        return unexplained(self.plan.zeros / precision[:, None], plain / precision**2)
+        return np.asarray(plain if self.texture is None else plain / self.plan.precision**2)
 
     @property
     def weight(self) -> Floats:

@@ -36,6 +36,7 @@ from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
     RealMachine,
+    approach_of,
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
@@ -492,15 +493,11 @@ class LinearDelta(Machine):
         places = np.concatenate((plan.place, plan.other))
         # On the way from place to place the height does not depend on what is touched.
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
-        return Command(
-            rails.joints_for(places),
-            self.home_mm,
-            np.tile(plan.hours, 2),
-            # From touch to touch; a printed object was approached from all sides.
-            in_time=plan.in_time[~plan.distance[plan.in_time]],
-            entered=np.zeros(places.shape),
-            along=rails.joints_for(level),
-        )
+        # From touch to touch; a printed object was approached from all sides.
+        touches = plan.in_time[~plan.distance[plan.in_time]]
+        approach = approach_of(rails.joints_for(level), touches)
+        hours, nothing = np.tile(plan.hours, 2), np.zeros(places.shape)
+        return Command(rails.joints_for(places), self.home_mm, hours, nothing, approach)
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
         """Rails, and offsets of the carriages, with other values of what is calibrated.

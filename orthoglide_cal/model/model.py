@@ -196,8 +196,7 @@ def differentiate_absent(
     At offsets Δρ (..., 3) [mm]: the derivatives by these, (..., n, 3), then those by the p
     parameters of each cause, (..., n, p).
     """
-    absent = [cause.at(np.zeros(cause.unknowns)) for cause in causes]
-    readings, slopes = differentiate(model, offsets, plan, absent)
+    readings, slopes = differentiate(model, offsets, plan, [cause.absent for cause in causes])
     ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in causes)])
     return readings, np.split(slopes, ends[:-1], axis=-1)
 

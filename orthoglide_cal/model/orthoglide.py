@@ -24,6 +24,7 @@ from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
     RealMachine,
+    approach_of,
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
@@ -401,7 +402,8 @@ class Orthoglide(Machine):
 @functools.lru_cache(maxsize=16)
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
-    return Command(joints, machine.home_mm, plan.hours, plan.in_time, plan.entered)
+    approach = approach_of(joints - plan.entered, plan.in_time)
+    return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
 
 
 def _touched(

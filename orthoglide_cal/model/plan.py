@@ -345,7 +345,8 @@ def zero_free(plan: Plan) -> Contrasts:
     """
     if plan is not plan.steps:
         return zero_free(plan.steps)
-    return Contrasts(np.linalg.qr(plan.zeros)[0], plan.precision)
+    zeros = plan.precision[:, None] * plan.zeros
+    return Contrasts(np.linalg.qr(zeros)[0], plan.precision)
 
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:
