@@ -281,7 +281,7 @@ def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Fl
     plan = white.plan
     if offsets is None:
         offsets = fit_offsets(white.problem, white.data).offsets_mm
-    readings, jacobian = differentiate(white.problem.model, offsets, plan, ())
+    readings, jacobian = differentiate(white.problem.model, offsets, plan)
     left = white.plain(white.data) / plan.precision - readings
     touch = plan.touches
     return plan.spots[touch, :2], left[touch], jacobian[touch], plan.date[touch]

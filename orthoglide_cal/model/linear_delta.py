@@ -316,7 +316,7 @@ class PlannedTouch(NamedTuple):
         return touching(place, nothing)
 
     @property
-    def stand(self) -> tuple[()]:
+    def place(self) -> tuple[()]:
         """Nothing: no gauge is set up."""
         return ()
 

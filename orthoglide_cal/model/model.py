@@ -143,30 +143,24 @@ def synthetic_session(
     return machine.synthetic(plan, predict, rng, gauge or machine.instrument)
 
 
-def simulate_with_jacobian(
-    model: Model, offsets: Floats, plan: Plan, strict: bool = True
-) -> tuple[Floats, Floats]:
-    """`simulate`, and its exact derivative by the offsets: (..., n) [mm] and (..., n, 3).
-
-    In closed form where the offsets alone move the carriages, otherwise by complex steps. Unless
-    it is `strict`, the readings of what is unreachable are NaN.
-    """
-    point = np.asarray(offsets, dtype=np.float64)
-    readings, jacobian = _simulate(model, point, plan, strict, derivative=True)
-    if jacobian is None:
-        jacobian = differentiate(model, point, plan, (), strict)[1]
-    return readings, jacobian
-
-
 def differentiate(
-    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect], strict: bool = True
+    model: Model,
+    offsets: Floats,
+    plan: Plan,
+    effects: Sequence[Effect] = (),
+    strict: bool = True,
 ) -> tuple[Floats, Floats]:
-    """Readings (..., n) [mm], and their derivatives by offsets and parameters, (..., n, q).
+    """Readings (..., n) [mm], and their exact derivatives by offsets and parameters, (..., n, q).
 
     At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
-    ones than those of the model. One simulation of many machines: the point, then a complex step
-    in each unknown in turn. `strict` as of `simulate_with_jacobian`.
+    ones than those of the model. In closed form where the offsets alone move the carriages and no
+    others are asked for. Else in one simulation of many machines: the point, then a complex step in
+    each unknown in turn. Unless it is `strict`, the readings of what is unreachable are NaN.
     """
+    if not effects:
+        readings, jacobian = _simulate(model, offsets, plan, strict, derivative=True)
+        if jacobian is not None:
+            return readings, jacobian
     ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
     many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
     batch = max(values.ndim for values in many) - 1

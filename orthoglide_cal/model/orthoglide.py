@@ -475,11 +475,6 @@ class PlannedReading(NamedTuple):
         return Series(self.leg, self.direction)
 
     @property
-    def stand(self) -> tuple[int, float]:
-        """Place of the gauge's stand at this leg."""
-        return self.direction, self.gauge_at
-
-    @property
     def ways(self) -> tuple[str, str]:
         """In which a bar is pushed for more, and for less on the gauge."""
         axis = AXES[self.direction].upper()

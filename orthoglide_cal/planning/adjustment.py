@@ -126,7 +126,7 @@ def _adjustments(diagnosis: Diagnosis, measured: Plan, effect: Effect) -> Iterat
         readings, slopes = differentiate(now, fit.offsets, plan, [alone.absent])
         slope = slopes[:, fit.offsets.size + parameter]
         here = int(np.argmax(np.abs(slope)))
-        same = [row for row, cell in enumerate(cells) if cell.stand == cells[here].stand]
+        same = [row for row, cell in enumerate(cells) if cell.place == cells[here].place]
         there = max(same, key=lambda row: abs(slope[row] - slope[here]))
         gone = alone.at(-effect.theta * (np.arange(effect.theta.size) == parameter))
         corrected = simulate(now.extended([gone]), fit.offsets, plan)
