@@ -89,9 +89,9 @@ def approach_of(joints: Floats, in_time: Ints) -> Floats:
 
 # What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
 # touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
-# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and the derivative by the
-# parameters, shape (..., n, p), None where it was not computed.
-GaugeResponse = tuple[Numbers, Numbers, Floats | None]
+# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and what works out the
+# derivative by the parameters, shape (..., n, p), None where it is not known in closed form.
+GaugeResponse = tuple[Numbers, Numbers, Callable[[], Floats] | None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -571,12 +571,7 @@ class LinearDelta(Machine):
             )
 
     def sensed(
-        self,
-        real: RealMachine,
-        parameters: Numbers,
-        plan: ProbePlan,
-        strict: bool,
-        derivative: bool,
+        self, real: RealMachine, parameters: Numbers, plan: ProbePlan, strict: bool
     ) -> GaugeResponse:
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)

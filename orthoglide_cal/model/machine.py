@@ -519,10 +519,9 @@ class Machine(Schema):
 
     @abstractmethod
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
+        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool
     ) -> GaugeResponse:
-        """Positions of gauges or probes, and their derivative where it is asked for and known in
-        closed form; arguments and errors as of `simulate`."""
+        """Positions of gauges or probes; arguments and errors as of `simulate`."""
 
     @abstractmethod
     def reading_words(self, plan: AnyPlan, index: int) -> str:

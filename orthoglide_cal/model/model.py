@@ -11,7 +11,7 @@ Predicted readings are those of gauges whose zero is the frame's origin; each re
 its own unknown zero, which the estimation removes.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -158,9 +158,9 @@ def differentiate(
     each unknown in turn. Unless it is `strict`, the readings of what is unreachable are NaN.
     """
     if not effects:
-        readings, jacobian = _simulate(model, offsets, plan, strict, derivative=True)
+        readings, jacobian = _simulate(model, offsets, plan, strict)
         if jacobian is not None:
-            return readings, jacobian
+            return readings, jacobian()
     ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
     many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
     batch = max(values.ndim for values in many) - 1
@@ -214,13 +214,13 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
 
 
 def _simulate(
-    model: Model, parameters: Numbers, plan: Plan, strict: bool, derivative: bool = False
-) -> tuple[Numbers, Floats | None]:
-    """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
+    model: Model, parameters: Numbers, plan: Plan, strict: bool
+) -> tuple[Numbers, Callable[[], Floats] | None]:
+    """Readings, and what works out their derivative by the parameters, if it is known."""
     machine = model.machine
     if model.repeats:
         plan = plan.steps
-    readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
+    readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict)
     for effect in model.accepted:
         readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:

@@ -85,7 +85,7 @@ def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
         return radial * (np.cos(turn) if m >= 0 else np.sin(turn))
 
     plan = standard_plan()
-    _, at, _ = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
+    _, at, _ = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True)
     found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), plan, PRINTER, at)
     x, y = at[:75, :2].T
     near = 1e-4 * np.eye(2)
