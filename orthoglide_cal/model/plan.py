@@ -49,17 +49,6 @@ class ReadOnly:
                 object.__setattr__(self, name, read_only(given, given.dtype))
 
 
-class step_property(cached_property[T]):
-    """A cached property of a plan that no clock changes: sessions of the same steps share it."""
-
-    def __get__(self, plan: "Plan | None", owner: type | None = None) -> T:  # type: ignore[override]
-        if plan is None or plan is plan.steps:
-            return super().__get__(plan, owner)
-        name = str(self.attrname)
-        value: T = vars(plan).setdefault(name, getattr(plan.steps, name))
-        return value
-
-
 # Of the arrays of a plan, by their annotations.
 _DTYPES: Mapping[object, type] = MappingProxyType({Floats: float, Ints: np.intp, Bools: bool})
 
@@ -129,7 +118,7 @@ class Plan(ABC):
         """Number of parts, empty ones before the last included."""
         return int(self.part.max()) + 1 if len(self) else 0
 
-    @step_property
+    @cached_property
     def in_time(self) -> Ints:
         """Indices of the readings from first to last, shape (n,)."""
         return read_only(np.argsort(self.order, kind="stable"), np.intp)
@@ -193,7 +182,7 @@ class Plan(ABC):
     def shared(self) -> Ints:
         """Number, from 0, of what creeps or is knocked together with each reading, shape (n,)."""
 
-    @step_property
+    @cached_property
     def sequence(self) -> tuple[Ints, Bools]:
         """Indices of the readings by what they share, then in time; which come first, both (n,)."""
         rows = np.lexsort((self.order, self.shared))
