@@ -365,12 +365,11 @@ class Effect(ReadOnly):
         """`Cause.transferred` of this effect."""
         return replace(self, theta=self.cause.transferred(self.theta, before, after))
 
-    def moved(self) -> tuple[Effect, ...]:
-        """This effect, moved by one standard deviation along each independent uncertainty."""
+    @property
+    def spread(self) -> Floats:
+        """One standard deviation of theta (p,) along each independent uncertainty, (u, p)."""
         if self.covariance is None:
-            return ()
+            return np.zeros((0, self.theta.size))
         size2, directions = np.linalg.eigh(self.covariance)
-        spread = (directions * np.sqrt(np.maximum(size2, 0.0))).T
-        return tuple(
-            Effect(self.cause, self.theta + step, self.place) for step in spread if np.any(step)
-        )
+        steps = (directions * np.sqrt(np.maximum(size2, 0.0))).T
+        return np.asarray(steps[steps.any(axis=1)])

@@ -204,12 +204,10 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
     accepted, before = model.accepted, simulate(model, offsets, plan)
     changes = []
     for k, effect in enumerate(accepted):
-        moved = (
-            replace(model, accepted=(*accepted[:k], other, *accepted[k + 1 :]))
-            for other in effect.moved()
-        )
-        columns = [(simulate(other, offsets, plan) - before)[..., None] for other in moved]
-        changes.append(np.concatenate([np.zeros((*before.shape, 0)), *columns], axis=-1))
+        theta = effect.theta + np.expand_dims(effect.spread, tuple(range(1, offsets.ndim)))
+        moved = (*accepted[:k], replace(effect, theta=theta), *accepted[k + 1 :])
+        readings = simulate(replace(model, accepted=moved), offsets, plan)
+        changes.append(np.moveaxis(readings - before, 0, -1))
     return tuple(changes)
 
 
