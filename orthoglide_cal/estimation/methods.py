@@ -29,19 +29,11 @@ import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation.gaussian import shrink, shrinking, whiten, whiten_shared
+from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import (
-    Contrasts,
-    Floats,
-    Ints,
-    Plan,
-    ReadOnly,
-    Reduction,
-    read_only,
-    zero_free,
-)
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].

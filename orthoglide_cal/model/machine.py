@@ -20,9 +20,10 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
+from orthoglide_cal.model.contrasts import Reduction
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
+from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
 

@@ -11,6 +11,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.model.contrasts import zero_free
 from orthoglide_cal.model.kinematics import Points, trilaterate
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import (
@@ -20,7 +21,7 @@ from orthoglide_cal.model.model import (
     simulate,
 )
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
 from orthoglide_cal.model.workspace import SAMPLES, compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
