@@ -25,7 +25,7 @@ from enum import StrEnum
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, computed_field
+from pydantic import Field, InstanceOf, computed_field
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
@@ -41,7 +41,7 @@ from orthoglide_cal.inference import diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Corrections, Instrument
-from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
+from orthoglide_cal.model.measured import DataKind, Measured, Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
@@ -178,7 +178,7 @@ class Verification(Schema):
     `inputs` are both measurements, each with the machine that it was judged by.
     """
 
-    inputs: tuple[tuple[Source, Model], ...] = Field(exclude=True)
+    inputs: tuple[InstanceOf[Input], InstanceOf[Input]] = Field(exclude=True, repr=False)
     schema_version: Literal[1] = 1
     before: ComparedInput
     after: ComparedInput
@@ -401,7 +401,7 @@ def _common(
     before, after = (ComparedInput.of(given, validity=validity(given)) for given in inputs)
     reservations = compare_reservations(before.validity, after.validity)
     return {
-        "inputs": tuple((s.measured.source, s.model) for s in solutions),
+        "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,

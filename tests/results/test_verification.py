@@ -237,10 +237,11 @@ def test_a_limit_below_u_can_never_be_kept():
     assert "Nothing can pass: U exceeds the limit." in str(page.notice.lines)
 
 
-def test_the_report_keeps_the_limit():
-    result = verify(before(3), after(TRUE, 4), TRUE, limit_mm=0.05)
+def test_the_report_keeps_the_limit_and_the_machine():
+    first = replace(before(3), machine_file="mill.yaml")
+    result = verify(first, after(TRUE, 4), TRUE, limit_mm=0.05)
     screen = verification_document(result, identify([], issued=ISSUED)).screen
-    assert "--limit 0.05" in str(screen().sections)
+    assert "--machine mill.yaml --after made.csv --limit 0.05" in str(screen().sections)
 
 
 def test_the_order_of_two_dates_is_known():
