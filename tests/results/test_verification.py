@@ -1,6 +1,7 @@
 """`verify`: promised against measured, the machine's response, and the decision."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -238,7 +239,7 @@ def test_a_limit_below_u_can_never_be_kept():
 
 
 def test_the_report_keeps_the_limit_and_the_machine():
-    first = replace(before(3), machine_file="mill.yaml")
+    first = replace(before(3), machine_file=Path("mill.yaml"))
     result = verify(first, after(TRUE, 4), TRUE, limit_mm=0.05)
     screen = verification_document(result, identify([], issued=ISSUED)).screen
     assert "--machine mill.yaml --after made.csv --limit 0.05" in str(screen().sections)
