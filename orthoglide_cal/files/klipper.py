@@ -230,9 +230,9 @@ def read_printer_file(
     reckoned = _calibration(settings, home, step)
     mesh = _mesh(settings, sensor, probe)
     settings.check()
-    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius)
+    settled = delta_of(document, print_radius).having(arms, radius, np.array(angles), endstops)
     scanning = _SCANNING.fullmatch(sensor) is not None
-    machine = machine.changed(probe=machine.probe.changed(scanning=scanning))
+    machine = settled.changed(probe=settled.probe.changed(scanning=scanning))
     both = {"calibration": _reached(document.source, machine, reckoned), "mesh": mesh}
     data = {name: readings for name, readings in both.items() if readings is not None}
     remarks, steps = tuple(settings.remarks), " ".join(stored)

@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
-from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
+from orthoglide_cal.model.linear_delta import LinearDelta, Probe, touching
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
@@ -174,22 +174,14 @@ class PrinterFile(ReadOnly):
         return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
 
-def delta_of(
-    document: FileText, arms: Floats, radius: float, angles: Floats, endstops: Floats, bed: float
-) -> LinearDelta:
-    """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
+def delta_of(document: FileText, bed: float) -> LinearDelta:
+    """A machine with the name of its file, and what is usual where no firmware states it.
 
-    It has the name of its file; what a file says is checked by whoever reads it.
+    It has no geometry yet; what a file says is checked by whoever reads it.
     """
-    return LinearDelta.model_construct(
-        name=PurePath(document.path).name,
-        arm_length_mm=tuple(arms.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=tuple(angles.tolist()),
-        endstops_mm=Endstops(*endstops.tolist()),
-        bed_radius_mm=bed,
-        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
-    )
+    probe = Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM)
+    usual: dict[str, Any] = {"name": PurePath(document.path).name, "probe": probe}
+    return LinearDelta.model_construct(**usual, bed_radius_mm=bed)
 
 
 def within(text: str, low: float, high: float = LARGEST_MM) -> float:
