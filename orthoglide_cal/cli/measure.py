@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from orthoglide_cal.session.dialogue import Dialogue
     from orthoglide_cal.session.keyboard import Keyboard
 
-INTERRUPTED = 130
 Guided = TypeVar("Guided", bound="Dialogue")
 
 
@@ -173,7 +172,7 @@ def guided(
         sys.stdout.flush()
     except OSError:
         common.leave_closed(sys.stdout, sys.stderr)
-    raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(common.INTERRUPTED)
 
 
 def session_display(as_json: bool) -> "Show":

@@ -69,12 +69,6 @@ _KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
 _NAME = re.compile(r'^\s*M550\s+P"([^"\n]+)"', re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
 HEIGHT_MAP = re.compile(r"\A\s*RepRapFirmware height map file")
-# Later versions name the axes, and number what earlier ones call x and y.
-_NAMES = {
-    f"{name}{number}": axis + name
-    for name in ("min", "max", "num", "spacing")
-    for number, axis in enumerate("xy")
-}
 _UNPROBED = "0"
 _AGAIN = "Probe the bed again: G29"
 _FAR = 1000.0  # mm, and places along one axis
@@ -205,23 +199,25 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, with the probed heights as their mesh. Raises InputError."""
     faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
     head, values = [*lines[1:3], "", ""][:2]
-    names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
-    numbers = {}
-    for name, text in zip(names, values.split(","), strict=False):
-        if name == "spacing" or name[1:] in ("num", "min", "spacing"):
-            with faults.noting(3, name, text):
-                numbers[name] = within(text.strip(), -_FAR, _FAR)
+    names = (name.strip() for name in head.lower().split(","))
+    texts = dict(zip(names, values.split(","), strict=False))
+
+    def stated(name: str, axis: int) -> float:
+        """A number of the grid; 0 if it is wrong, which is noted."""
+        # Later versions number the axes; the first one had one spacing for both.
+        called = (f"{'xy'[axis]}{name}", f"{name}{axis}", name)
+        key = next((key for key in called if key in texts), None)
+        if key is None:
+            what = (
+                f"The second line of the map has no {called[0]!r}, or the third no number for it."
+            )
+            raise InputError(what, _AGAIN, file=document.path, line=2)
+        with faults.noting(3, key, texts[key]):
+            return within(texts[key].strip(), -_FAR, _FAR)
+        return 0.0
+
+    x, y = (stated("min", k) + stated("spacing", k) * np.arange(stated("num", k)) for k in (0, 1))
     faults.check()
-    spacing = numbers.get("spacing", 0.0)  # the first version had one for both
-    try:
-        x, y = (
-            numbers[f"{axis}min"]
-            + numbers.get(f"{axis}spacing", spacing) * np.arange(numbers[f"{axis}num"])
-            for axis in "xy"
-        )
-    except KeyError as error:
-        what = f"The second line of the map has no {error}, or the third no number for it."
-        raise InputError(what, _AGAIN, file=document.path, line=2) from error
     rows = {line: text.split(",") for line, text in enumerate(lines[3:], start=4)}
     heights = heights_in(faults, rows, (len(y), len(x)), _AGAIN, _UNPROBED)
     if not faults.problems and not np.isfinite(heights).any():
@@ -291,10 +287,10 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     faults, offset = Faults(document.path), np.nan_to_num(settings.probe)
     reach, remarks = settings.machine.bed_radius_mm - _MARGIN_MM, [*settings.remarks]
     changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
-    # Line, x, y and height of each touch; places of G33 are on a circle of radius 1.
+    # Line, x, y and height of each touch.
     circle, bed = list[Sequence[float]](), list[Sequence[float]]()
     grid = dict[int, list[str]]()  # line → heights
-    radius = math.nan  # of G33's circle [mm]
+    radius, printed_radius = reach, False  # of G33's circle [mm]
     calibrating = in_grid = False
     for number, line in enumerate(document.text.split("\n"), start=1):
         calibrating |= _CALIBRATES in line
@@ -309,12 +305,12 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
                 x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
                 bed.append((number, x - offset[0], y - offset[1], height))
             if calibrating and (match := _AT_RADIUS.search(line)):
-                radius = within(match[1], 0.0)
+                radius, printed_radius = within(match[1], 0.0), True
             if calibrating and (match := _RESULTS.search(line)):
                 for name, text in _RESULT.findall(match[1]):
-                    turn, away = math.radians(_TURNS.get(name, 0.0)), float(name != "c")
+                    turn, away = math.radians(_TURNS.get(name, 0.0)), radius * (name != "c")
                     at = away * math.cos(turn), away * math.sin(turn)
-                    circle = circle if away else []
+                    circle = [] if name == "c" else circle
                     circle.append((number, *at, within(text, -LARGEST_MM)))
             elif calibrating and (printed := _SETTING.findall(line)):
                 before = changes[-1][1]
@@ -338,11 +334,10 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         margin = {"reach_mm": reach, "margin_mm": _MARGIN_MM}
         remarks.append(Reason.of("marlin_reach", name=name, **margin))
 
-    def stored(name: str, touches: Sequence[Sequence[float]], radius: float = 1.0) -> Readings:
+    def stored(name: str, touches: Sequence[Sequence[float]]) -> Readings:
         """Touches with the settings of the last of them, counted from those at the end."""
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
         placed = np.array([touch for touch in touches if touch[0] > since])
-        placed *= (1.0, radius, radius, 1.0)
         mesh, (line, now) = stored_mesh(document.source, placed, offset[2]), changes[-1]
         if then is now:
             return mesh
@@ -358,11 +353,10 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
 
     data: dict[str, Readings] = {}
     if circle:
-        if math.isnan(radius):
+        if not printed_radius:
             needs_reach("G33")
-            radius = reach
         remarks.append(Reason.of("averaged_places"))
-        data["calibration"] = stored("G33", circle, radius)
+        data["calibration"] = stored("G33", circle)
     if grid and not bed:
         needs_reach("G29")
         bed = _places(faults, grid, reach, offset)
@@ -406,22 +400,22 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     Raises InputError for what is no number, or if neither the text nor a bed.g in its
     folder has the places.
     """
-    text, path = document.text, document.path
-    faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
-    lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
-    reach = settings.machine.bed_radius_mm if lines else math.inf
+    text, faults = document.text, Faults(document.path)
+    offset, remarks, reach = np.nan_to_num(settings.probe), settings.remarks, math.inf
+    lines = [(text.count("\n", 0, m.start()) + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
     if lines:
         remarks += (Reason.of("map_height_unknown"),)
+        reach = settings.machine.bed_radius_mm
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
-        line, heights = text[: match.start()].count("\n") + 1, match[1].split()
+        line, heights = text.count("\n", 0, match.start()) + 1, match[1].split()
         bed = document.beside("bed.g")
         listed = _PLACE.findall(text + (bed.text if bed else ""))
         places = {int(number): place for number, *place in listed}
         if not places.keys() >= set(range(len(heights))):
             what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
             remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
-            raise InputError(what, remedy, file=path, line=line)
+            raise InputError(what, remedy, file=document.path, line=line)
         lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
     rows = []
     for line, parts in lines:
