@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Content
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
-from orthoglide_cal.model.linear_delta import LinearDelta, Probe, touching
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
@@ -177,11 +177,17 @@ class PrinterFile(ReadOnly):
 def delta_of(document: FileText, bed: float) -> LinearDelta:
     """A machine with the name of its file, and what is usual where no firmware states it.
 
-    It has no geometry yet; what a file says is checked by whoever reads it.
+    It has no size yet; what a file says is checked by whoever reads it.
     """
-    probe = Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM)
-    usual: dict[str, Any] = {"name": PurePath(document.path).name, "probe": probe}
-    return LinearDelta.model_construct(**usual, bed_radius_mm=bed)
+    return LinearDelta.model_construct(
+        name=PurePath(document.path).name,
+        arm_length_mm=(0.0, 0.0, 0.0),
+        delta_radius_mm=0.0,
+        tower_angles_deg=USUAL_ANGLES_DEG,
+        endstops_mm=Endstops(0.0, 0.0, 0.0),
+        bed_radius_mm=bed,
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
+    )
 
 
 def within(text: str, low: float, high: float = LARGEST_MM) -> float:
