@@ -105,6 +105,7 @@ class Input:
     recorded: Model | None = None  # the machine as a session itself holds it; None for no session
     keeper: machine_file.StoredMachine | None = None  # where what was entered is recorded
     others: tuple["Input", ...] = ()  # the other measurements that the same file stores
+    machine_file: Path | None = None  # as the user gave it, for the commands to run next
 
     @property
     def is_session(self) -> bool:
