@@ -487,6 +487,20 @@ class LinearDelta(Machine):
         """Heights of the carriages at their endstops, shape (3,) [mm]."""
         return np.asarray(self.endstops_mm + self._above(self.delta_radius_mm))
 
+    @property
+    def equal_arms(self) -> bool:
+        """True if one length is enough for the arms."""
+        return float(np.ptp(np.round(self.arm_length_mm, self.decimals))) == 0.0
+
+    def having(self, arms: Floats, radius: float, angles: Floats, endstops: Floats) -> Self:
+        """With these settings in force [mm, deg]; arrays are of shape (3,)."""
+        return self.changed(
+            arm_length_mm=tuple(arms.tolist()),
+            delta_radius_mm=radius,
+            tower_angles_deg=tuple(angles.tolist()),
+            endstops_mm=Endstops(*endstops.tolist()),
+        )
+
     def command(self, plan: ProbePlan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
         rails = self.nominal_rails
