@@ -42,7 +42,7 @@ def adjust(
         if HOME_SWITCH.usual(type(known)) is None:
             fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
-        released(common.judged(given, machine, diagnosed=diagnosis))
+        released(common.judged(given, diagnosed=diagnosis))
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
@@ -54,5 +54,5 @@ def adjust(
             cause=id,
             adjustments=dialogue.adjusted,
         )
-        common.deliver(adjustment_document(answer, given, machine), as_json=json)
+        common.deliver(adjustment_document(answer, given), as_json=json)
         return UnusableResultError.exit_code if answer.failed else 0

@@ -361,15 +361,16 @@ def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
             yield path, state, following
 
 
-def check_not_adjusted(source: Source, machine_file: Path | None) -> None:
+def check_not_adjusted(given: Input) -> None:
     """Raise UnusableResultError if a screw was turned since, or may be loose."""
-    for journal, state, following in _begun(source):
+    path = given.measured.source.path
+    for journal, state, following in _begun(given.measured.source):
         problem = f"It was adjusted since then ({journal.name}): these readings are out of date."
         remedy = "Measure again, and apply the new session."
         if state.ended is None:
             problem = f"An adjustment was begun ({journal.name}): something may be loose."
             options = f"--cause {following.what} --resume"
-            finish = command("adjust", source.path, machine=machine_file, options=options)
+            finish = command("adjust", path, machine=given.machine_file, options=options)
             remedy = "Delete that file, if nothing was loosened. Or finish it, then measure again:"
             remedy += f" {finish}"
         raise UnusableResultError(problem, remedy)
