@@ -243,7 +243,9 @@ def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ())
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
     """The parameters under what the diagnosis found."""
-    model = with_causes(given.model, diagnosis)
+    model = given.model
+    if diagnosis.verdict is Verdict.NAMED:
+        model = model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
@@ -253,13 +255,6 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
     return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
-
-
-def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
-    """The machine with the lasting causes that a diagnosis names in it."""
-    if diagnosis.verdict is not Verdict.NAMED:
-        return model
-    return model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
