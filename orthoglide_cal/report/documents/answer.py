@@ -26,6 +26,7 @@ from orthoglide_cal.report.case import (
     Case,
     check_words,
     comparison_words,
+    input_words,
     measure_again,
     size_words,
     sizes_words,
@@ -263,7 +264,7 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
         # The headline says them.
         said = (meant, answer.refuted, answer.judgement)
         title, reasons = headline(case), tuple(e for e in reasons if e not in said)
-    about = [answer.machine.name, case.data_words]
+    about = [answer.machine.name, input_words(case.given)]
     if case.method is not None:
         about.append(f"method {case.method}")
     lines += map(case.says, reasons)
@@ -470,10 +471,10 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     raw, refused = answer.input.kind == DataKind.READINGS, not answer.release.usable
     if len(rows) > _MOST_DIFFERENCES and not full:
         rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
-    if rows and answer.as_found is not None and answer.expected is not None:
+    if rows and (sizes := answer.deviations_rms):
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
         after = "if entered" if refused else "expected after"
-        found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
+        found, expected = (plain(mm, digits) for mm in (sizes.before_mm, sizes.after_mm))
         table = [
             ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
             (after, *(signed(row.expected_mm, digits) for row in rows), expected),
