@@ -1,5 +1,4 @@
-"""What figures are made of; maps of errors and residuals, the machine, and which causes can be
-distinguished.
+"""What figures are made of; maps of errors and residuals, and the machine.
 
 Drawing functions take plain values and return pictures; every number that a picture writes, but
 those of its axes, is one that it was given.
@@ -7,7 +6,6 @@ those of its axes, is one that it was given.
 
 import itertools
 import math
-import string
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -481,40 +479,3 @@ def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
         yield rectangle(203.0 + moved[0], base - 9.0, 18.0, 18.0, "outline")
         yield arrow(above, above + moved)
         yield words(right + 14.0, base + 5.0, parameter, "middle", "axis")
-
-
-# --- causes that can be distinguished -----------------------------------------------------------
-
-_SHADES, _SHADE_LIMITS = "█▓▒ ", (1.0, 2.0, 4.0)  # the darker, the less two are distinguished
-_MOST = 99  # σ beyond which the number says nothing more
-_LEGEND = (
-    "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
-    f"–: from a sound machine; {_MOST}: or more",
-)
-
-
-def separation_lines(
-    trace: Mapping[str, float], sigma: Mapping[tuple[str, str], float]
-) -> tuple[str, ...]:
-    """How far each cause stands from the others: the lower half of a table, in characters.
-
-    Args:
-        trace: of each from a sound machine; at most 26.
-        sigma: between each pair, in the same order.
-
-    >>> print("\\n".join(separation_lines({"a": 1.0, "bc": 1.0}, {("a", "bc"): 3.2})))
-            –   A
-    A a   ▓ 1
-    B bc  ▓ 1 ▒ 3
-    Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
-    –: from a sound machine; 99: or more
-    """
-    names, room, letters = [*trace], max(map(len, trace)), string.ascii_uppercase[: len(trace)]
-    lines = ["".join((" " * (room + 4), *(f"  {letter} " for letter in ("–", *letters[:-1]))))]
-    for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
-        cells = ""
-        for value in (trace[name], *(sigma[other, name] for other in names[:k])):
-            shade = _SHADES[np.searchsorted(_SHADE_LIMITS, value, "right")]
-            cells += f"{shade}{min(int(value), _MOST) or '<1':>2} "
-        lines.append(f"{letter} {name:<{room}}  {cells}")
-    return (*map(str.rstrip, lines), *_LEGEND)

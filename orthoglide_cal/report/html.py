@@ -91,8 +91,7 @@ def _block(block: doc.Block) -> Html:
             # Beside what scrolls: a wide table on a narrow page does not take its caption along.
             caption = tag("p", block.caption, class_="small") if block.caption else None
             whole = "whole" if len(block.rows) < 25 and not block.tiles else None
-            shown = _tiles(block) if block.tiles else _table(block)
-            return tag("div", shown, caption, class_=whole)
+            return tag("div", _table(block), caption, class_=whole)
         case doc.Figure():
             return tag(
                 "figure",
@@ -123,7 +122,7 @@ def _table(grid: doc.Grid) -> Html:
         for title, kind in zip(grid.head, kinds, strict=True)
     ]
     head = tag("thead", tag("tr", *heads)) if any(grid.head) else None
-    many = "many" if len(kinds) > MOST_NARROW or head is None else None
+    stacked = (len(kinds) > MOST_NARROW or head is None) and not grid.tiles
     rows = []
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
@@ -135,24 +134,12 @@ def _table(grid: doc.Grid) -> Html:
         rows.append(tag("tr", tag(name, _line(first), scope=scope, class_=kinds[0]), *cells))
     return tag(
         "div",
-        tag("table", head, tag("tbody", *rows), class_=many),
-        class_="scroll",
+        tag("table", head, tag("tbody", *rows), class_="many" if stacked else None),
+        class_="tiles" if grid.tiles else "scroll",
         tabindex="0",
         role="region",
         aria_label=grid.caption or " ".join(grid.head).strip() or "table",
     )
-
-
-def _tiles(grid: doc.Grid) -> Html:
-    """A name never leaves its value, however narrow the page."""
-    tiles = []
-    for name, *others, value in grid.rows:
-        shown = tag("p", tag("span", _line(name)), " ", tag("b", _line(value)), class_="value")
-        label = tag("p", grid.head[-1], class_="small label")
-        pairs = zip(grid.head[1:-1], others, strict=True)
-        below = (tag("p", f"{title} ", _line(cell), class_="small") for title, cell in pairs)
-        tiles.append(tag("div", shown, label, *below, class_="tile"))
-    return tag("div", *tiles, class_="tiles")
 
 
 def _line(content: doc.Blank) -> Html:
