@@ -318,6 +318,19 @@ _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
 _TOWARDS = _ON_PAPER / np.linalg.norm(_ON_PAPER, axis=1, keepdims=True)
 
 
+def _rail(leg: int, start: Floats, stop: Floats, carriage: Floats, *on_it: Html) -> Html:
+    """A rail with its name behind the end, its carriage, and what belongs to it."""
+    x, y = stop + 12.0 * _TOWARDS[leg]
+    return tag(
+        "g",
+        line(start, stop, "rail"),
+        *on_it,
+        rectangle(carriage[0] - 7.0, carriage[1] - 7.0, 14.0, 14.0, "carriage"),
+        words(x, y + 4.0, AXES[leg], "middle", "axis"),
+        class_=f"c-{AXES[leg]}",
+    )
+
+
 def machine_sketch(
     leg_length_mm: float,
     joint_limits_mm: tuple[float, float],
@@ -334,19 +347,11 @@ def machine_sketch(
     # Even displacements of the carriage leave the picture readable only up to here.
     end = min(high, 1.0 + 34.0 / _LEG)
     parts: list[Html] = []
-    for leg, axis in enumerate(AXES):
-        start, stop, joint, (x, y) = (
-            tool + place * _LEG * _ON_PAPER[leg] for place in (low, end, 1.0, end + 0.10)
-        )
+    for leg in range(3):
+        start, stop, joint = (tool + place * _LEG * _ON_PAPER[leg] for place in (low, end, 1.0))
         side = 4.0 * np.array([-_TOWARDS[leg, 1], _TOWARDS[leg, 0]])
-        drawn = [
-            line(start, stop, "rail"),
-            line(joint + side, tool + side, "bar"),
-            line(joint - side, tool - side, "bar"),
-            rectangle(joint[0] - 7.0, joint[1] - 7.0, 14.0, 14.0, "carriage"),
-            words(x, y + 4.0, axis, "middle", "axis"),
-        ]
-        parts.append(tag("g", *drawn, class_=f"c-{axis}"))
+        bars = (line(joint + way * side, tool + way * side, "bar") for way in (1.0, -1.0))
+        parts.append(_rail(leg, start, stop, joint, *bars))
     parts.append(tag("circle", cx=tool[0], cy=tool[1], r=8.0, class_="tool"))
     dials: list[Floats] = []
     for leg, direction, place in gauges:
@@ -388,12 +393,8 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
     parts: list[Html] = []
     taken: list[Floats] = []  # places on the paper where something is drawn
     for rail, axis in enumerate(AXES):
-        start, stop, (x, y) = (
-            on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR, _FAR + 12.0)
-        )
-        drawn = [line(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")]
-        drawn.append(rectangle(start[0] - 6.0, start[1] - 6.0, 12.0, 12.0, "carriage"))
-        parts.append(tag("g", *drawn, class_=f"c-{axis}"))
+        start, stop = (on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR))
+        parts.append(_rail(rail, start, stop, start))
         taken += [*np.linspace(start, stop, 29)]
         for shim in (one for one in shims if one.rail == axis):
             way = _TOWARDS[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)

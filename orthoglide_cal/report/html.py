@@ -15,7 +15,6 @@ from orthoglide_cal.report.escape import Html, join, tag
 
 _COLUMNS = {0: "half", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
-MOST_PANELS = 3  # of a picture in half the width of a wide screen
 # What must not break: a date, a coordinate behind its sign, a value before its uncertainty.
 _U = r"± \d[\d.]*(?: (?:mm|µm|mrad)(?:/\w+)?\b)?"
 _SIGNED = rf"(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: {_U})?"
@@ -68,12 +67,9 @@ def html(page: doc.Page) -> str:
 
 def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
     for section in sections:
-        # Many panels take the whole width of a wide screen, where others stand side by side.
-        pictures = (block for block in section.blocks if isinstance(block, doc.Figure))
-        wide = "wide" if any(len(block.panels) > MOST_PANELS for block in pictures) else None
         title = tag("h2", section.title) if section.title is not None else None
         if section.blocks:
-            yield tag("section", title, *map(_block, section.blocks), class_=wide)
+            yield tag("section", title, *map(_block, section.blocks))
 
 
 def _block(block: doc.Block) -> Html:

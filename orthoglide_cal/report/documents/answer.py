@@ -12,7 +12,7 @@ from operator import attrgetter
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference import Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
@@ -122,12 +122,14 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide; where a screen has too few lines, what they mean gives way."""
     answer, release = case.answer, case.answer.release
     enter = release.usable and release.needed
-    parameters: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
+    parameters: list[doc.Block | None] = [parameters_grid(case, brief=True), *open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
     notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
     if "gauge_doubt" in release.codes:
         notes = []  # it says the same
-    numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
+    numbers: list[doc.Block | None] = [_deviations(case), _residual_words(case)]
+    if release.settled:
+        numbers = []
     words = []
     if answer.deviations and not release.settled:
         words.append(comparison_words(_by_ends(case))[1])
@@ -139,10 +141,11 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     last = doc.next_steps(to_do(case, brief=True), _more(case, "solve"))
 
     def page() -> doc.Page:
-        blocks = [[*parameters, *largest, *notes], [*numbers, *meaning]]
+        first, second = [*parameters, *largest, *notes], [*numbers, *meaning]
         if not answer.deviations:  # one line needs no section
-            blocks = [[*parameters, *largest, *notes, *numbers]]
-        return replace(begun, sections=[*(doc.Section(None, *part) for part in blocks), last])
+            first, second = [*first, *numbers], []
+        both = doc.Section(None, *first), doc.Section(None, *second)
+        return replace(begun, sections=[*both, last])
 
     return fitting(page, meaning, largest, lines=_SOLVED - answer.simulated)
 
@@ -523,7 +526,7 @@ def _residual_words(case: Case) -> str | None:
 
 def _largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
-    largest = _largest(case.answer.budget)
+    largest = Budget(case.answer.budget).largest
     name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
     if name in SOURCES:
         name = source_words(name, case.machine)[0]
@@ -550,18 +553,13 @@ def budget_sections(
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
     u = f"U = k·u, {coverage_words(total.k)}"
     rows.append((u, "", "", *map(two_figures, total.expanded)))
-    largest = _largest(lines)
+    largest = Budget(tuple(lines)).largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
     yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
-
-
-def _largest(lines: Sequence[Contribution]) -> Contribution:
-    """The source that adds most variance to all parameters together."""
-    return max(lines, key=lambda line: sum(std**2 for std in line.std))
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:

@@ -79,10 +79,10 @@ def differences_figure(
     limits = [] if limit_mm is None else [-limit_mm, limit_mm]
     # Columns of numbers, by their right edges.
     edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
-    left = 104.0 if outcomes else 42.0
+    left, high = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
     reach = [*np.subtract(last, expanded), *np.add(last, expanded), *limits, -0.02, 0.02]
     across = Scale.around([*first, *expected, *reach], left, edges[0] - 46.0)
-    top, bottom = _TOP - 4.0, _TOP + _ROW * len(rows)
+    top, bottom = _TOP - 4.0, _TOP + high * len(rows)
     places, kinds, texts = zip(*across.ticks(), strict=True)
     parts = [
         *(
@@ -97,15 +97,15 @@ def differences_figure(
         parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
     listed = []
     for k, (name, *cells) in enumerate(zip(*columns.values(), strict=True)):
-        y = _TOP + _ROW * (k + 0.5)
+        y = _TOP + high * (k + 0.5)
         start, stop, *marks = (across(values[k]) for values in sizes.values())
         ends = across(last[k] - expanded[k]), across(last[k] + expanded[k])
         numbers, (u, *outcome) = cells[: len(sizes)], cells[len(sizes) :]
         numbers[-1] += f" ± {u}"
         listed.append(f"{name} {', '.join([*numbers, *outcome])}")
         parts += [
-            words(2, y + 4, name, class_="strong"),
-            *(words(40, y + 4, text) for text in outcome),
+            words(2, y + (-2 if outcomes else 4), name, class_="strong"),
+            *(words(2, y + 10, text) for text in outcome),
             *(words(x, y + 4, text, "end") for x, text in zip(edges, numbers, strict=True)),
             tag(
                 "g",
