@@ -364,7 +364,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         shown = (doc.doubtful(text) if size < _DISTINCT_SIGMA else text for text, size in cells)
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
     heads = ("", "–", *letters[: len(names) - 1])
-    caption = f"Standard deviations; –: from a sound machine; {_MOST_SIGMA}: or more. Distinct?"
+    caption = f"Distance in σ; –: from a sound machine; {_MOST_SIGMA}: or more. Distinct?"
     caption += " Below 1: no; below 2: hardly; below 4: mostly; else yes."
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if rows:
