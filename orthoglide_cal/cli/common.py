@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from orthoglide_cal.report.document import Document
 
 NO_COLOUR = "no_colour"
+INTERRUPTED = 130  # exit code
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 LARGEST = 1e5
 # What the help calls a number → the units that may follow it, each in that of the number alone.

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from orthoglide_cal.session.asking import Asker, Show
     from orthoglide_cal.session.dialogue import Dialogue
 
-INTERRUPTED = 130
 Guided = TypeVar("Guided", bound="Dialogue")
 
 
@@ -182,7 +181,7 @@ def guided(
         sys.stdout.flush()
     except OSError:
         common.leave_closed(sys.stdout, sys.stderr)
-    raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(common.INTERRUPTED)
 
 
 def _display(as_json: bool) -> "Show":

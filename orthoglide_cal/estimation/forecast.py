@@ -21,7 +21,7 @@ from orthoglide_cal.estimation.budget import plausible_causes
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.cause import PER_HOUR
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import GaugePlan
@@ -48,7 +48,7 @@ def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mix
     zero = np.zeros(len(machine.parameter_names))
     drift = math.hypot(*(cause.size(machine) for cause in causes if cause.unit == PER_HOUR))
     settling = math.hypot(*(cause.size(machine) for cause in causes if cause.settles))
-    _, slopes = simulate_with_jacobian(Model(machine), zero, plan)
+    _, slopes = differentiate(Model(machine), zero, plan)
     known, first = fresh == 0, _first_visits(plan)
     slopes, cells = slopes * known[:, None], _same(plan.cells, fresh)
     common = (

@@ -247,7 +247,7 @@ def together(inputs: Sequence[Input]) -> Input:
     zero = np.zeros(len(machine.parameter_names))
     plan, value = machine.together(
         [(given.model.machine, given.measured) for given in inputs],
-        lambda now: differentiate(last.model, zero, now, ())[1],
+        lambda now: differentiate(last.model, zero, now)[1],
     )
     remarks = [
         Reason.of("other_settings", files=[given.name for given in pair], settings=names)
