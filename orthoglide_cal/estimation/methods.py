@@ -109,18 +109,6 @@ class Problem(ReadOnly):
             return whiten(self.covariance() + ratio @ ratio.T, *values)
         return whiten_shared(ratio, *values)
 
-    def remaining(self, data: Floats, offsets: Floats) -> Floats:
-        """Distance of the offsets from the least-squares optimum, recomputed from the data.
-
-        |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
-        noise σ: no offset would move by more than as many of its standard deviations. Zero at a
-        stationary point of eq. (25), NaN where the model cannot be evaluated.
-
-        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
-        """
-        predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
-        return self.length(jacobian, normal_step(jacobian, data - predicted))
-
     def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
         moved = np.einsum("...kp,...p->...k", jacobian, step)
@@ -168,7 +156,10 @@ class LeastSquaresFit(ReadOnly):
 
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
-    remaining: Floats  # as of `Problem.remaining`, (...)
+    # Distance from the optimum: |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still
+    # be taken, with the stated noise σ. No offset would move by more than as many of its standard
+    # deviations. Zero at a stationary point of eq. (25), NaN where the model cannot be evaluated.
+    remaining: Floats  # (...)
     iterations: Ints  # steps tried, (...)
 
     @property
@@ -305,17 +296,13 @@ class Posed(ReadOnly):
     which: tuple[Difference, ...]
 
     def weighted(self, ratio: Floats) -> Posed:
-        """The same, with data whose covariance is σ² (G + C Cᵀ/σ²) made independent.
+        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
 
         `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
         """
-        matrix: Reduction = self.problem.matrix
-        if isinstance(matrix, Contrasts):
-            axes, factors = shrinking(ratio)
-            matrix = replace(matrix, axes=axes, factors=factors)
-            data = shrink(self.data, axes, factors)
-        else:
-            matrix, data = self.problem.whitened(ratio, matrix, self.data)
+        axes, factors = shrinking(ratio)
+        matrix = replace(self.problem.matrix, axes=axes, factors=factors)
+        data = shrink(self.data, axes, factors)
         return replace(self, problem=replace(self.problem, matrix=matrix), data=data)
 
 

@@ -26,7 +26,6 @@ from orthoglide_cal.estimation.accuracy import (
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import (
-    OPTIMAL,
     LeastSquaresFit,
     Method,
     Posed,
@@ -172,25 +171,6 @@ class Solution(OffsetEstimate):
         if scatter is None or scatter >= gauge.rounding_mm:
             return remarks
         return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
-
-    @cached_property
-    def remaining(self) -> float:
-        """Distance of the offsets from their optimum, recomputed [standard deviations].
-
-        A nonlinear method: the step that it would still take. A linear one: what its own
-        estimator finds in its residual.
-        """
-        problem, data = self.posed.problem, self.posed.data
-        if not self.method.linear:
-            return float(problem.remaining(data, self.offsets_mm))
-        predicted, jacobian = problem.at_zero
-        left = data - predicted - jacobian @ self.offsets_mm
-        return float(np.abs(self.method.estimator(self.posed) @ left / self.std_mm).max())
-
-    @property
-    def converged(self) -> bool:
-        """True if that check holds."""
-        return self.remaining <= OPTIMAL
 
     @property
     def judgement(self) -> Reason:

