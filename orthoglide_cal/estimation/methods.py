@@ -300,10 +300,10 @@ class Posed(ReadOnly):
 
         `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
         """
-        axes, factors = shrinking(ratio)
-        matrix = replace(self.problem.matrix, axes=axes, factors=factors)
-        data = shrink(self.data, axes, factors)
-        return replace(self, problem=replace(self.problem, matrix=matrix), data=data)
+        matrix, (axes, factors) = self.problem.matrix, shrinking(ratio)
+        assert isinstance(matrix, Contrasts)
+        problem = replace(self.problem, matrix=replace(matrix, axes=axes, factors=factors))
+        return replace(self, problem=problem, data=shrink(self.data, axes, factors))
 
 
 @functools.lru_cache(maxsize=8)

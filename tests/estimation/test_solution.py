@@ -104,10 +104,9 @@ def test_a_slow_search_ends_where_it_makes_no_difference() -> None:
     value = measured.value.copy()
     value[31] += 220.0
     solution = fit_parameters(replace(measured, value=value), model)
-    assert fit_offsets(solution.posed.problem, solution.posed.data).iterations > 50
-    assert (
-        remaining_step(solution.posed.problem, solution.posed.data, solution.offsets_mm) <= OPTIMAL
-    )
+    problem, data = solution.posed.problem, solution.posed.data
+    assert fit_offsets(problem, data).iterations > 50
+    assert remaining_step(problem, data, solution.offsets_mm) <= OPTIMAL
 
 
 EXPERIMENT_1 = experiment(1).value
