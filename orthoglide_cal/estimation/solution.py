@@ -20,10 +20,9 @@ from orthoglide_cal.estimation.accuracy import (
     require_determined,
     require_rank,
     rms,
-    scatter_of_repeats,
-    sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import (
     LeastSquaresFit,
@@ -72,16 +71,6 @@ class Solution(OffsetEstimate):
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
 
     @property
-    def std_mm(self) -> Floats:
-        """u of the offsets, shape (3,) [mm]."""
-        return self.budget.std_mm
-
-    @property
-    def expanded_mm(self) -> Floats:
-        """U of the offsets, shape (3,) [mm]."""
-        return self.budget.expanded_mm
-
-    @property
     def sigma_residuals_mm(self) -> float | None:
         """Standard deviation of one reading from the residuals; None without degrees of freedom."""
         return None if self.scatter is None else self.scatter.sigma_mm
@@ -90,13 +79,6 @@ class Solution(OffsetEstimate):
     def dof(self) -> int:
         """Degrees of freedom of it (effective ones, rounded)."""
         return 0 if self.scatter is None else round(self.scatter.dof)
-
-    @property
-    def repeats(self) -> Scatter | None:
-        """Scatter of one reading from repeated readings; None without repeats."""
-        if isinstance(self.measured, Differences):
-            return None
-        return scatter_of_repeats(self.measured.plan, self.measured.value)
 
     @property
     def lack_of_fit_p(self) -> float | None:
@@ -259,8 +241,11 @@ def fit_parameters(
     scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.problem.matrix
     if dof > 0:
         residual, slopes = plain.data - matrix @ readings, matrix @ jacobian
-        total = sum_of_squares(plain.problem, slopes, residual, matrix @ ratio)
-        scatter = Scatter(math.sqrt(total / dof), dof)
+        # Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ², of C what influences
+        # add, and P the projector onto what the offsets cannot explain. Whichever estimator left
+        # the residual, it is the same.
+        left_over = unexplained(*plain.problem.whitened(matrix @ ratio, slopes, residual))
+        scatter = Scatter(math.sqrt(left_over @ left_over / dof), dof)
         noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), dof)
     uncertain = (*uncertain, *fixed_influences(model, offsets, plan))
     return Solution(

@@ -184,7 +184,7 @@ def answer_to(
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
-            repeats_mm=solution.repeats.sigma_mm if solution.repeats else None,
+            repeats_mm=diagnosis.lack_of_fit.repeats_mm,
             residuals_mm=scatter_mm,
             stated_mm=machine.instrument.noise_mm,
             floor_mm=machine.instrument.rounding_mm,

@@ -175,7 +175,7 @@ def test_what_depends_on_time_and_motion_runs_on_through_the_parts() -> None:
     )
     solution = solve(measured, model.extended(causes))
     assert solution.lack_of_fit_p > 1e-3
-    assert np.all(np.abs(solution.offsets_mm - first.offsets) < 4.0 * solution.std_mm)
+    assert np.all(np.abs(solution.offsets_mm - first.offsets) < 4.0 * solution.budget.std_mm)
     assert solve(measured, model).lack_of_fit_p < 1e-12
 
 

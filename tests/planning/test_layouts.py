@@ -93,7 +93,9 @@ def test_the_expected_uncertainty_is_what_solve_gives() -> None:
     laid = layouts()["blocks-25"]
     plan, value = true_readings(V400, TRUTH, laid.plan)
     every = drawn(V400, plan, value, np.random.default_rng(14))[:40]
-    reach = [solve(readings_of_touches(plan, each), V400_MODEL).expanded_mm for each in every]
+    reach = [
+        solve(readings_of_touches(plan, each), V400_MODEL).budget.expanded_mm for each in every
+    ]
     assert laid.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=0.04)
 
 
