@@ -120,13 +120,13 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     if machine.vocabulary.fewest:
         raise UnusableResultError(fault, machine.vocabulary.fewest)
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
+    ideal = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
     sensitivity = ideal.at_zero[1]
     scale, chosen = np.abs(sensitivity).max(), list[str]()
     while len(free := _free_directions(matrix, scale)):
         # The one that sees most of what no other does.
         best = int(np.argmax(np.linalg.norm(sensitivity @ free.T, axis=1)))
-        series, posture = which[best]
+        series, posture = ideal.which[best]
         where = f"at {posture}, joint end and tool end"
         if posture is None:
             where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"

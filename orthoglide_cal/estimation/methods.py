@@ -28,7 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.gaussian import shrink, shrinking, whiten, whiten_shared
+from orthoglide_cal.estimation.gaussian import shrinking, whiten, whiten_shared
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
@@ -63,6 +63,16 @@ class Problem(ReadOnly):
     model: Model
     plan: Plan  # n readings
     matrix: Reduction  # R, shape (k, n)
+    which: tuple[Difference, ...] = ()  # differences that its data are, if they are any
+
+    def weighted(self, ratio: Floats) -> Problem:
+        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
+
+        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
+        """
+        matrix, (axes, factors) = self.matrix, shrinking(ratio)
+        assert isinstance(matrix, Contrasts)
+        return replace(self, matrix=replace(matrix, axes=axes, factors=factors))
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -249,7 +259,7 @@ class Method(StrEnum):
         """True if it solves with the Jacobian at zero offsets instead of iterating."""
         return self not in (Method.SIX, Method.TWELVE, Method.READINGS)
 
-    def estimator(self, posed: Posed) -> Floats:
+    def estimator(self, problem: Problem) -> Floats:
         """M of a linear method, Δρ = M d with the Jacobian J at zero offsets, shape (3, k).
 
         (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11).
@@ -257,9 +267,9 @@ class Method(StrEnum):
         Raises:
             UnusableResultError: eq. (11) lacks one of its six differences.
         """
-        jacobian = posed.problem.at_zero[1]
+        jacobian = problem.at_zero[1]
         if self is Method.SINGLE_SEQUENTIAL:
-            return _sequential(jacobian, posed.which)
+            return _sequential(jacobian, problem.which)
         return np.asarray(np.linalg.pinv(jacobian), dtype=np.float64)
 
 
@@ -287,48 +297,29 @@ def table_kind(measured: Measured) -> DataKind:
     return DataKind.SIX if DataKind.SIX in measured.kinds else DataKind.SINGLE
 
 
-@dataclass(frozen=True, eq=False)
-class Posed(ReadOnly):
-    """A problem with its data: d, shape (k,) [mm], and which differences they are, if any."""
-
-    problem: Problem
-    data: Floats
-    which: tuple[Difference, ...]
-
-    def weighted(self, ratio: Floats) -> Posed:
-        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
-
-        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
-        """
-        matrix, (axes, factors) = self.problem.matrix, shrinking(ratio)
-        assert isinstance(matrix, Contrasts)
-        problem = replace(self.problem, matrix=replace(matrix, axes=axes, factors=factors))
-        return replace(self, problem=problem, data=shrink(self.data, axes, factors))
-
-
 @functools.lru_cache(maxsize=8)
-def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[Difference, ...]]:
-    """Problem and differences that a method makes of readings, whatever these will be.
+def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
+    """The problem that a method makes of readings, whatever these will be.
 
     Differences that the plan lacks are left out.
     """
     if kind is DataKind.READINGS:
-        return Problem(model, plan, zero_free(plan)), ()
+        return Problem(model, plan, zero_free(plan))
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.machine, plan.steps)
     present = np.abs(matrix).sum(axis=1) > 0.0
     kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
-    return Problem(model, plan, matrix[present]), kept
+    return Problem(model, plan, matrix[present], kept)
 
 
-def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
+def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:
     """Reduce the data to what is compared with the model, of a kind that can be made of them.
 
-    Differences that they lack are left out.
+    The problem, and its data (k,) [mm]. Differences that they lack are left out.
     """
     if isinstance(measured, Readings):
-        problem, kept = pose_plan(measured.plan, model, kind)
-        return Posed(problem, problem.matrix @ measured.value, kept)
+        problem = pose_plan(measured.plan, model, kind)
+        return problem, problem.matrix @ measured.value
     wanted = DIFFERENCES[kind]
     values = dict(zip(measured.which, measured.value.tolist(), strict=True))
     if measured.kind is DataKind.TWELVE and kind is DataKind.SIX:
@@ -342,8 +333,8 @@ def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
     # The readings behind the printed differences: one of each cell, so that a difference of
     # the twelve shares its isotropic reading with its partner (errata, eq. 30).
     plan = ideal_plan(measured.kind, model.machine)
-    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan))
-    return Posed(problem, np.array([values[difference] for difference in kept]), kept)
+    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan), kept)
+    return problem, np.array([values[difference] for difference in kept])
 
 
 def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:

@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method, Posed, pose_plan
+from orthoglide_cal.estimation import Method, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
 from orthoglide_cal.estimation.budget import (
     Budget,
@@ -191,14 +191,13 @@ def estimator_for(
 
     `uncertain` acts on them in addition to noise. Raises UnusableResultError.
     """
-    problem, which = pose_plan(plan, model, method.uses)
+    problem = pose_plan(plan, model, method.uses)
     require_rank(problem)
-    posed = Posed(problem, problem.at_zero[0], which)
     if method is Method.READINGS:
         columns = np.hstack([influence.columns for influence in uncertain])
-        posed = posed.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
+        problem = problem.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
     # The slope hardly depends on the offsets: near zero every method is a linear one.
-    return np.asarray(method.estimator(posed) @ posed.problem.matrix)
+    return np.asarray(method.estimator(problem) @ problem.matrix)
 
 
 @lru_cache(maxsize=128)

@@ -30,7 +30,7 @@ from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, promise
+from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
@@ -263,11 +263,11 @@ def verify(
     second, _ = _solved(after, model.correcting(held))
     left, added = first.offsets_mm - applied, correcting(model.machine, corrected)
     shared = shared_contrasts(before.measured, after.measured, model, model.extended(added), left)
-    later = pose(after.measured, model, table_kind(before.measured))
+    later, data = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
     every = promise(before.measured, first, applied, right, added)
     promised = [row for row in every if row.name in shown]
-    rows = _differences(promised, later, limit_mm)
+    rows = _differences(promised, later, data, limit_mm)
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
     both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
     response = _respond(shared, first.offsets_mm, applied)
@@ -293,19 +293,19 @@ def verify(
 
 
 def _differences(
-    promised: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
+    promised: Sequence[PromisedDifference], later: Problem, data: Floats, limit_mm: float | None
 ) -> tuple[ComparedDifference, ...]:
-    """The differences of Table 4 before, predicted and after; `later` holds at least those."""
+    """The differences of Table 4 before, predicted and after; `data` of `later` hold those."""
     if not promised:
         raise UsageError(
             "The two files share no difference between the ends of a leg's travel.",
             "Measure the postures max and min before and after.",
         )
-    gauge, rows = later.problem.model.machine.instrument, []
-    expanded = NORMAL_K * gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    gauge, rows = later.model.machine.instrument, []
+    expanded = NORMAL_K * gauge.noise_mm * np.sqrt(np.diag(later.covariance()))
     names = [difference.name for difference in later.which]
     for row in promised:
-        after, u = (float(values[names.index(row.name)]) for values in (later.data, expanded))
+        after, u = (float(values[names.index(row.name)]) for values in (data, expanded))
         outcome = None
         if limit_mm is not None:
             room = limit_mm - abs(after)
@@ -350,7 +350,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     if machine != later or stated:
         entered = np.subtract(later.active, machine.active).round(9).tolist()
     first, second = (_solved(given, given.model)[0] for given in (before, after))
-    count, touches = (int(one.posed.problem.plan.touches.sum()) for one in (first, second))
+    count, touches = (int(one.problem.plan.touches.sum()) for one in (first, second))
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
@@ -382,7 +382,7 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
 
     `heights` (n,) are those of all readings, or what the parameters leave of them [mm].
     """
-    plan, machine = solution.posed.problem.plan, solution.model.machine
+    plan, machine = solution.problem.plan, solution.model.machine
     # Without their mean: the first layer's height is set apart.
     left = heights[plan.touches] - heights[plan.touches].mean()
     count, total = len(left), float(left @ left)
@@ -559,18 +559,18 @@ def _of_differences(
             "Measure both with the same protocol.",
         )
     kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
-    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
+    (first, was), (second, now) = (pose(measured, model, kind) for measured in (before, after))
     both = [difference for difference in first.which if difference in second.which]
-    of_first, of_second = chosen = [np.eye(len(p.data))[[*map(p.which.index, both)]] for p in posed]
-    spreads = (p.problem.spread(rows) for p, rows in zip(posed, chosen, strict=True))
-    problem = replace(first.problem, matrix=of_first @ first.problem.matrix)
-    effect = replace(second.problem, model=corrected).predict(left) - second.problem.predict(left)
+    of_first, of_second = (
+        np.eye(len(p.which))[[*map(p.which.index, both)]] for p in (first, second)
+    )
+    effect = replace(second, model=corrected).predict(left) - second.predict(left)
     return SharedContrasts(
         kind=kind,
-        problem=problem,
-        change=of_second @ second.data - of_first @ first.data,
+        problem=replace(first, matrix=of_first @ first.matrix),
+        change=of_second @ now - of_first @ was,
         effect=of_second @ effect,
-        covariance=np.asarray(sum(spreads)),
+        covariance=first.spread(of_first) + second.spread(of_second),
     )
 
 

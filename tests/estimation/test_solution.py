@@ -63,12 +63,12 @@ SOLVED: list[tuple[Measured, str]] = [
 def test_it_is_an_optimum_by_the_problem_that_it_holds(data: Measured, method: str) -> None:
     solution = solve(data, NOMINAL, method)
     assert solution.model is NOMINAL
-    posed, gauge = solution.posed, NOMINAL.machine.instrument
-    predicted, jacobian = posed.problem.at_zero
-    left = posed.data - predicted - jacobian @ solution.offsets_mm
+    gauge = NOMINAL.machine.instrument
+    predicted, jacobian = solution.problem.at_zero
+    left = solution.data - predicted - jacobian @ solution.offsets_mm
     if not solution.method.linear:
-        predicted, jacobian = posed.problem.predict_with_jacobian(solution.offsets_mm)
-        left = posed.data - predicted
+        predicted, jacobian = solution.problem.predict_with_jacobian(solution.offsets_mm)
+        left = solution.data - predicted
     assert solution.residuals_mm == pytest.approx(left, abs=1e-9)
     # What is left is at right angles to all that offsets can do; "single-sequential" has its own.
     if solution.method is not Method.SINGLE_SEQUENTIAL:
@@ -104,7 +104,7 @@ def test_a_slow_search_ends_where_it_makes_no_difference() -> None:
     value = measured.value.copy()
     value[31] += 220.0
     solution = fit_parameters(replace(measured, value=value), model)
-    problem, data = solution.posed.problem, solution.posed.data
+    problem, data = solution.problem, solution.data
     assert fit_offsets(problem, data).iterations > 50
     assert remaining_step(problem, data, solution.offsets_mm) <= OPTIMAL
 
