@@ -66,8 +66,12 @@ def simulate(
     import numpy as np
 
     from orthoglide_cal.files.probe_readings import probe_points_csv
-    from orthoglide_cal.files.readings import readings_csv
-    from orthoglide_cal.files.session_file import session_json, session_of_readings, session_text
+    from orthoglide_cal.files.readings import (
+        readings_csv,
+        session_json,
+        session_of_readings,
+        session_text,
+    )
     from orthoglide_cal.model.machine import SimulationOptions
     from orthoglide_cal.model.model import synthetic_session
 

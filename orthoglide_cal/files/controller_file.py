@@ -32,7 +32,6 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
-from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
 from orthoglide_cal.model.cause import Cause, Effect
@@ -474,7 +473,7 @@ def _values(
     heading: int = 0,
 ) -> dict[str, WrittenValue]:
     """The wanted values, below the heading of Klipper's block. Raises InputError."""
-    faults, values = Faults(target), dict[str, WrittenValue]()
+    faults, values = list[InputError](), dict[str, WrittenValue]()
     for name, (section, option) in wanted.items():
         key, needed = f"[{section}] {option}", name not in optional
         number, value = entries[section].get(option, (None, ""))
@@ -487,10 +486,13 @@ def _values(
             problem = "This is not a number."
         if problem:
             remedy = advice.format(section, option, "NUMBER")
-            faults.add(problem, remedy, line=number, column=key, value=value or None)
+            text = value or None
+            fault = InputError(problem, remedy, file=target, line=number, column=key, value=text)
+            faults.append(fault)
         elif number is not None:
             values[name] = WrittenValue(line=number, key=key, before=value)
-    faults.check()
+    if faults:
+        raise InputError.of(sorted(faults, key=lambda fault: fault.line or 0))
     return values
 
 

@@ -37,7 +37,7 @@ from pathlib import PurePath
 import numpy as np
 
 from orthoglide_cal.errors import InputError, PostureError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -94,7 +94,7 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     words: Words = {}
     for file in (document, *overriding):
         words |= _words(file)
-    faults, marlin = Faults(document.path), _MARLIN.search(document.text) is not None
+    faults, marlin = Content(document), _MARLIN.search(document.text) is not None
 
     def one(word: str, usual: float = math.nan) -> float:
         return words.get(word, (usual,))[0]
@@ -174,7 +174,7 @@ def check_delta(measured: FileText) -> None:
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, with the probed heights as their mesh. Raises InputError."""
-    faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
+    faults, lines = Content(document), document.text.strip("\n").split("\n")
     head, values = [*lines[1:3], "", ""][:2]
     names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
     numbers = {}
@@ -208,7 +208,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
 
 def _words(file: FileText) -> Words:
     """Code and letter → numbers: {"M665L": (215.0,)}, by the last line that has it."""
-    faults, words = Faults(file.path), Words()
+    faults, words = Content(file), Words()
     for number, line in enumerate(file.text.split("\n"), start=1):
         for code, rest in _CODE.findall(line.split(";")[0].upper()):
             new = Words()
@@ -255,7 +255,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     The radius of the bed is NaN where the settings before it do not have it. Raises
     InputError: everything that is wrong; no heights, or not their places.
     """
-    faults, offset = Faults(document.path), np.nan_to_num(settings.probe)
+    faults, offset = Content(document), np.nan_to_num(settings.probe)
     reach, remarks = settings.machine.bed_radius_mm - _MARGIN_MM, [*settings.remarks]
     changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
     # Line, x, y and height of each touch; places of G33 are on a circle of radius 1.
@@ -367,7 +367,7 @@ def _adjusted(machine: LinearDelta, printed: Mapping[str, float], trigger: float
     )
 
 
-def _places(faults: Faults, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
+def _places(faults: Content, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
     """Line, x, y and height of the points of a grid within reach: Marlin makes up the others."""
     shape = len(grid), len(next(iter(grid.values())))
     heights = heights_in(faults, grid, shape, "Send M420 V again.", "=+")
@@ -395,7 +395,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     folder has the places.
     """
     text, path = document.text, document.path
-    faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
+    faults, offset, remarks = Content(document), np.nan_to_num(settings.probe), settings.remarks
     lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
     reach = settings.machine.bed_radius_mm if lines else math.inf
     if lines:

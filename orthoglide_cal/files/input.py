@@ -26,9 +26,9 @@ from orthoglide_cal.files.readings import (
     differences_from_table,
     implausible_temperatures,
     readings_in,
+    session_from_tree,
 )
-from orthoglide_cal.files.rows import ReadingRow, Table
-from orthoglide_cal.files.session_file import session_from_tree
+from orthoglide_cal.files.rows import Table
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,
@@ -404,7 +404,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
             gauged = Orthoglide.require(judge.machine)
             if "difference" in columns:
                 return Input(differences_from_table(table, gauged), judge, Conditions())
-            readings = readings_in(table, gauged, remarks=table.check_header(ReadingRow))
+            readings = readings_in(table, gauged)
     except UsageError as error:
         what = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
         line = table.header_line

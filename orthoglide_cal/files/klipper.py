@@ -26,7 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, Faults, Place, Steps
+from orthoglide_cal.files.faults import Content, Place, Steps
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -293,7 +293,7 @@ def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, 
 
 def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and the touches that Klipper printed as their mesh. Raises InputError."""
-    faults, rows = Faults(document.path), []
+    faults, rows = Content(document), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
             with faults.noting(number, value=match[0]):

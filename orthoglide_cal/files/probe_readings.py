@@ -11,7 +11,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
@@ -38,7 +38,7 @@ Texts = Mapping[int, Sequence[str]]  # line → cells of a row
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     """The touches of a CSV. Raises InputError with everything that is wrong."""
-    remarks = table.check_header(ProbeRow)
+    table.check_header(ProbeRow)
     table.check()
     if table.rows and not any("reading_mm" in cells for cells in table.rows):
         # The empty cells are no faults of their own.
@@ -56,7 +56,7 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
             what = f"The place is {apart:.0f} mm from the middle of the bed."
             remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
             checking.note(index, "x_mm", what, remedy)
-    rows = checking.checked()
+    rows, remarks = checking.checked(), [*checking.remarks]
     in_time, minutes, timed = times_of(rows)
     if not timed and rows[0].minutes is not None:
         remarks.append(Reason.of("equal_minutes"))
@@ -111,7 +111,7 @@ def stored_mesh(
 
 
 def heights_in(
-    faults: Faults, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
+    faults: Content, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
 ) -> Floats:
     """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import InputError, command, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
-from orthoglide_cal.files.session_file import session_text
+from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.steps import (

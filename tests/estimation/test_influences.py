@@ -208,8 +208,8 @@ def test_warmth_is_what_the_legs_may_grow() -> None:
 
 
 def test_the_temperature_is_that_of_the_readings_or_of_the_room() -> None:
-    room = (("humidity", "60 %"), ("temperature_c", "24.5"))
+    room = {"humidity": "60 %", "temperature_c": "24.5"}
     assert Conditions(environment=room).mean_temperature_c == 24.5
     assert Conditions(environment=room, temperature_c=(21.0, 22.0)).mean_temperature_c == 21.5
-    assert Conditions(environment=(("temperature_c", "warm"),)).mean_temperature_c is None
+    assert Conditions(environment={"temperature_c": "warm"}).mean_temperature_c is None
     assert Conditions().mean_temperature_c is None

@@ -241,7 +241,7 @@ def _conditions(case: Case) -> doc.Section:
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
     ]
-    for name, text in given.environment:
+    for name, text in given.environment.items():
         if "temperature" not in name:  # they stand under the verdict
             rows.append((name.replace("_", " "), doc.given(text)))
     if case.given.is_session:
