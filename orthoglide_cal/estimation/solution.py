@@ -72,6 +72,11 @@ class Solution(OffsetEstimate):
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
 
     @property
+    def expanded_mm(self) -> Floats:
+        """U of the offsets, shape (3,) [mm]."""
+        return self.budget.expanded_mm
+
+    @property
     def sigma_residuals_mm(self) -> float | None:
         """Standard deviation of one reading from the residuals; None without degrees of freedom."""
         return None if self.scatter is None else self.scatter.sigma_mm
