@@ -15,7 +15,7 @@ import numpy as np
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import Machine, Suspicion
-from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
@@ -270,7 +270,7 @@ def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     low, high = machine.limits_mm if machine.gauge_places else machine.reach_mm(0.5)
     for place in sorted(machine.gauge_places or (0.5,), key=lambda at: abs(at - 0.5)):
         plan = visiting((high, low), place)
-        slopes = simulate_with_jacobian(Model(machine), np.zeros(3), plan)[1]
+        slopes = differentiate(Model(machine), np.zeros(3), plan)[1]
         apart = slopes[plan.displacement == high] - slopes[plan.displacement == low]
         largest = np.diag(np.linalg.inv(apart.T @ apart + NOTHING * np.eye(3))).max()
         if largest < least * (1.0 - ROUNDING):
