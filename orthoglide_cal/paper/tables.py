@@ -157,7 +157,7 @@ def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.G
     Raises UnusableResultError: any of the solves did not reach its optimum.
     """
     plan = ideal_plan(kind, model.machine)
-    problem, _ = pose_plan(plan, model, kind)
+    problem = pose_plan(plan, model, kind)
     signal = simulate(model, np.full(3, offset_mm), plan)
     stds = np.empty(REPLICATIONS)
     for k in range(REPLICATIONS):
@@ -243,7 +243,7 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
 
     Of all readings at once: the Cramér–Rao bound of the same isotropic, Max and Min readings.
     """
-    problem, _ = pose_plan(ideal_plan(kind, model.machine), model, kind)
+    problem = pose_plan(ideal_plan(kind, model.machine), model, kind)
     # σ_ρ = √(trace V / 3) (eq. 33)
     return rms(np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1]))))
 
