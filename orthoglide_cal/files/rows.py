@@ -303,7 +303,16 @@ class Table(Content):
         self.rows: list[dict[str, str]] = []
         self.value = self.rows
         lines = document.text.split("\n")
-        at, delimiter = _start(lines)
+        at, delimiter = 0, ","
+        # From the first line that says anything on; one of Excel says what separates the cells.
+        for at, text in enumerate(lines):
+            plain = text.strip(_BLANKS)
+            if plain.lower().startswith("sep=") and len(plain) <= 5:
+                at, delimiter = at + 1, text.strip(" ")[4:5] or "\t"
+                break
+            if plain and not plain.startswith("#"):
+                delimiter = next((mark for mark in "\t;," if mark in text), ",")
+                break
         self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
         comments = True
         while at < len(lines):
@@ -403,17 +412,6 @@ class Table(Content):
             what += " decimal commas?"
             remedy = "Write decimal points, or separate the columns with semicolons."
             self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
-
-
-def _start(lines: Sequence[str]) -> tuple[int, str]:
-    """Index of the line from which records are read, and the delimiter of the header."""
-    for index, line in enumerate(lines):
-        plain = line.strip(_BLANKS)
-        if plain.lower().startswith("sep=") and len(plain) <= 5:
-            return index + 1, line.strip(" ")[4:5] or "\t"
-        if plain and not plain.startswith("#"):
-            return index, next((mark for mark in "\t;," if mark in line), ",")
-    return len(lines), ","
 
 
 R = TypeVar("R", bound=Row)
