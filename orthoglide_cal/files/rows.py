@@ -468,8 +468,8 @@ class Rows(Generic[R]):
                 content.take(error, schema, (*path, index), words)
             if self.in_inches and self.in_inches in cells:
                 self.note(index, schema.inches, "The row has two readings.", _READING)
-            for name in cells.keys() - given.keys():
-                if not isinstance(cells[name], str):
+            for name, text in cells.items():
+                if name not in known and not isinstance(text, str):
                     self.note(index, name, *WORDS["string_type"])
         # On the columns without a meaning, if there are any.
         columns = dict.fromkeys(name for cells in self.cells for name in cells if name not in known)
