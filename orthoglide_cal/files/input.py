@@ -105,6 +105,7 @@ class Input:
     recorded: Model | None = None  # the machine as a session itself holds it; None for no session
     keeper: machine_file.StoredMachine | None = None  # where what was entered is recorded
     others: tuple["Input", ...] = ()  # the other measurements that the same file stores
+    machine_file: Path | None = None  # as the user gave it, for the commands to run next
 
     @property
     def is_session(self) -> bool:
@@ -246,7 +247,7 @@ def together(inputs: Sequence[Input]) -> Input:
     zero = np.zeros(len(machine.parameter_names))
     plan, value = machine.together(
         [(given.model.machine, given.measured) for given in inputs],
-        lambda now: differentiate(last.model, zero, now, ())[1],
+        lambda now: differentiate(last.model, zero, now)[1],
     )
     remarks = [
         Reason.of("other_settings", files=[given.name for given in pair], settings=names)

@@ -174,19 +174,17 @@ class PrinterFile(ReadOnly):
         return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
 
-def delta_of(
-    document: FileText, arms: Floats, radius: float, angles: Floats, endstops: Floats, bed: float
-) -> LinearDelta:
-    """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
+def delta_of(document: FileText, bed: float) -> LinearDelta:
+    """A machine with the name of its file, and what is usual where no firmware states it.
 
-    It has the name of its file; what a file says is checked by whoever reads it.
+    It has no size yet; what a file says is checked by whoever reads it.
     """
     return LinearDelta.model_construct(
         name=PurePath(document.path).name,
-        arm_length_mm=tuple(arms.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=tuple(angles.tolist()),
-        endstops_mm=Endstops(*endstops.tolist()),
+        arm_length_mm=(0.0, 0.0, 0.0),
+        delta_radius_mm=0.0,
+        tower_angles_deg=USUAL_ANGLES_DEG,
+        endstops_mm=Endstops(0.0, 0.0, 0.0),
         bed_radius_mm=bed,
         probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
     )

@@ -192,12 +192,6 @@ class Dialogue:
                 result = "not all lie within U: expected once in seven sessions"
         self.asker.show(f"True offsets: {' '.join(hidden)} mm; {result}.")
 
-    def close(self) -> None:
-        """Let go of the gauge, the machine that is followed, and the journal."""
-        for resource in (self.asker.gauge, self.standing, self.journal):
-            if resource is not None:
-                resource.close()
-
     # ---- what is asked
 
     def _ask_for(self, step: SessionStep) -> None:

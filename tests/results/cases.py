@@ -56,8 +56,7 @@ def case_of(read: Input) -> Case:
 
 def identity_of(case: Case) -> Identity:
     """What makes a report of it unique."""
-    source, model = case.source, case.given.model
-    return identify([(source, model)], case.answer.method, issued=ISSUED)
+    return identify([case.given], case.answer.method, issued=ISSUED)
 
 
 def _made(measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None) -> Case:
