@@ -100,6 +100,9 @@ class Identified(Schema):
             raise InputError(what, "Give each of them once.")
         faults = []
         for name, estimate in given.items():
+            if estimate.name:  # its key is its name
+                what, remedy = "The key is not known.", "Leave it out."
+                faults.append(InputError(what, remedy, column=f"{name}.name"))
             if estimate.unit != cause.unit:
                 what = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
                 remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."
