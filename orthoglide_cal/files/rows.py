@@ -471,9 +471,10 @@ class Rows(Generic[R]):
             for name, text in cells.items():
                 if name not in known and not isinstance(text, str):
                     self.note(index, name, *WORDS["string_type"])
-        # On the columns without a meaning, if there are any.
-        columns = dict.fromkeys(name for cells in self.cells for name in cells if name not in known)
-        self.remarks = unused("Columns", columns, known)
+        # On the columns without a meaning, if there are any; a table's may be empty.
+        columns = dict.fromkeys(name for cells in self.cells for name in cells)
+        names = content.columns if isinstance(content, Table) else columns
+        self.remarks = unused("Columns", (name for name in names if name not in known), known)
 
     def line(self, index: int) -> int:
         """The line at which a row begins."""
