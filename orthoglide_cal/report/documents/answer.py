@@ -26,6 +26,7 @@ from orthoglide_cal.report.case import (
     Case,
     check_words,
     comparison_words,
+    input_words,
     measure_again,
     size_words,
     sizes_words,
@@ -268,7 +269,7 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
         # The headline says them.
         said = (meant, answer.refuted, answer.judgement)
         title, reasons = headline(case), tuple(e for e in reasons if e not in said)
-    about = [answer.machine.name, case.data_words]
+    about = [answer.machine.name, input_words(case.given)]
     if case.method is not None:
         about.append(f"method {case.method}")
     lines += map(case.says, reasons)
@@ -472,11 +473,11 @@ def open_blocks(case: Case) -> Iterator[str]:
 def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | None:
     """Each difference as found and as expected after entering; None where none is promised."""
     answer = case.answer
-    if not (answer.deviations and answer.as_found and answer.expected):
+    sizes = answer.deviations_rms
+    if not (answer.deviations and sizes):
         return None
     rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
-    rms_mm = answer.as_found.rms_mm, answer.expected.rms_mm
-    return differences_figure(rows, rms_mm, _by_ends(case), limit_mm)
+    return differences_figure(rows, (sizes.before_mm, sizes.after_mm), _by_ends(case), limit_mm)
 
 
 def _by_ends(case: Case) -> bool:
@@ -488,13 +489,14 @@ def _deviations(case: Case) -> doc.Grid | None:
     """Differences as measured and as expected after entering, the largest ones, for a screen."""
     answer, rows = case.answer, case.answer.deviations
     raw, refused = answer.input.kind == DataKind.READINGS, not answer.release.usable
-    if not (rows and answer.as_found and answer.expected):
+    sizes = answer.deviations_rms
+    if not (rows and sizes):
         return None
     if len(rows) > _MOST_DIFFERENCES:
         rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
     digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
     after = "if entered" if refused else "expected after"
-    found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
+    found, expected = (plain(mm, digits) for mm in (sizes.before_mm, sizes.after_mm))
     table = [
         ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
         (after, *(signed(row.expected_mm, digits) for row in rows), expected),
