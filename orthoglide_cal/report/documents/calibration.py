@@ -36,6 +36,7 @@ from orthoglide_cal.report.documents.answer import (
     open_blocks,
     parameters_grid,
     parameters_title,
+    promised_figure,
     to_do,
 )
 from orthoglide_cal.results import Identity
@@ -142,15 +143,7 @@ def _notice(case: Case) -> doc.Notice:
 
 def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
     """The parameters with U, and each difference as found and as expected on one axis."""
-    answer = case.answer
-    blocks: list[doc.Block] = [parameters_grid(case), *open_blocks(case)]
-    if answer.deviations and answer.as_found and answer.expected:
-        rows = [
-            (e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations
-        ]
-        sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
-        ends = answer.check is not None and answer.check.ends
-        blocks.append(pictures.differences_figure(rows, sizes, ends, limit_mm))
+    blocks = (parameters_grid(case), *open_blocks(case), promised_figure(case, limit_mm))
     return doc.Section(parameters_title(case), *blocks)
 
 
