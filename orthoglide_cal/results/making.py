@@ -12,7 +12,7 @@ they may be entered, and if not what to do, is decided here, too.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -94,6 +94,7 @@ def answer_to(
         "input": schema.InputFile.of(given),
         "machine": schema.MachineName(name=machine.name, kind=machine.kind),
         "validity": conditions,
+        "simulated": measured.source.simulated,
     }
     try:
         require_settings(measured)
@@ -184,7 +185,7 @@ def answer_to(
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
-            repeats_mm=solution.repeats.sigma_mm if solution.repeats else None,
+            repeats_mm=diagnosis.lack_of_fit.repeats_mm,
             residuals_mm=scatter_mm,
             stated_mm=machine.instrument.noise_mm,
             floor_mm=machine.instrument.rounding_mm,
@@ -192,11 +193,10 @@ def answer_to(
             p_value=p_value,
         ),
         deviations=rows,
-        as_found=_spread({row.name: row.measured_mm for row in rows}),
-        expected=_spread({row.name: row.expected_mm for row in rows}),
+        deviations_rms=_of_deviations(rows),
         budget=lines,
         total=total,
-        converged=solution.converged,
+        converged=True,  # what does not is refused
         residuals=()
         if shown_alone and not details
         else tuple(_residuals(measured, solution, diagnosis)),
@@ -243,7 +243,9 @@ def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ())
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
     """The parameters under what the diagnosis found."""
-    model = with_causes(given.model, diagnosis)
+    model = given.model
+    if diagnosis.verdict is Verdict.NAMED:
+        model = model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
@@ -253,13 +255,6 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
     return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
-
-
-def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
-    """The machine with the lasting causes that a diagnosis names in it."""
-    if diagnosis.verdict is not Verdict.NAMED:
-        return model
-    return model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
@@ -332,13 +327,12 @@ def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
 
 
-def _spread(values: Mapping[str, float]) -> schema.Spread | None:
-    """Size of named deviations all together; None without any."""
-    if not values:
+def _of_deviations(rows: Sequence[PromisedDifference]) -> schema.Residue | None:
+    """r.m.s. of all of them together; None without any."""
+    if not rows:
         return None
-    largest = max(values, key=lambda name: abs(values[name]))
-    size = rms(np.array([*values.values()]))
-    return schema.Spread(rms_mm=size, largest_mm=values[largest], largest=largest)
+    sizes = np.array([(row.measured_mm, row.expected_mm) for row in rows]).T
+    return schema.Residue(before_mm=rms(sizes[0]), after_mm=rms(sizes[1]))
 
 
 def _residuals(
@@ -435,13 +429,13 @@ def release(
     following: NextMeasurement | None = None,
     corrects: Collection[str] = (),
 ) -> Release:
-    """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
+    """Decide whether the solution's offsets may be entered, by what it is and by the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
     prevents it only if it moves the offsets by more than their uncertainty.
 
     Args:
-        solution: of the offsets alone, with the accepted causes; it checks itself again here.
+        solution: of the offsets alone, with the accepted causes.
         diagnosis: of the same data.
         following: what would distinguish the explanations that it leaves open; None without.
         corrects: as of `answer_to`.
@@ -498,11 +492,8 @@ def _left_over(
 
 
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
-    """Objections of the solution's own check, each with what to do."""
+    """Objections to the size and the readings of a solution, each with what to do."""
     machine = solution.model.machine
-    if not solution.converged:
-        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
-        return
     sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
     rows = zip(sizes, offsets, machine.plausible, strict=True)
     if beyond := [row for row in rows if abs(row[1]) > row[2]]:

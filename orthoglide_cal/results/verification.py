@@ -25,7 +25,7 @@ from enum import StrEnum
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, InstanceOf, computed_field
+from pydantic import Field, InstanceOf
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
@@ -45,7 +45,6 @@ from orthoglide_cal.model.measured import DataKind, Measured, Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.results.history import moment_of, precedes, wrong_order
@@ -92,9 +91,7 @@ class Coefficient(Schema):
     """A number with its 95 % Student-t interval; theory says 1."""
 
     value: float
-    std: float
     ci95: tuple[float, float]
-    agrees: bool  # the interval holds 1
 
 
 class AxisResponse(Schema):
@@ -149,27 +146,10 @@ class ComparedDifference(Schema):
 class Conformity(Schema):
     """Conformity with a stated limit."""
 
-    outcome: Outcome
+    outcome: Outcome  # the worst of all differences
     limit_mm: float
-    largest_mm: float
-    largest_difference: str
-    expanded_mm: float
     coverage_factor: float = NORMAL_K
-    passable: bool  # false: U is beyond the limit, so nothing can pass
     rule: Sentence = Reason.of("guard_band")
-
-    @classmethod
-    def of(cls, rows: Sequence[ComparedDifference], limit_mm: float) -> Self:
-        """The limit is kept if each deviation keeps it."""
-        largest = max(rows, key=lambda row: abs(row.after_mm))
-        return cls(
-            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
-            limit_mm=limit_mm,
-            largest_mm=abs(largest.after_mm),
-            largest_difference=largest.difference,
-            expanded_mm=largest.expanded_mm,
-            passable=all(row.expanded_mm <= limit_mm for row in rows),
-        )
 
 
 class Verification(Schema):
@@ -180,6 +160,7 @@ class Verification(Schema):
 
     inputs: tuple[InstanceOf[Input], InstanceOf[Input]] = Field(exclude=True, repr=False)
     schema_version: Literal[1] = 1
+    simulated: bool  # one of the two, or both
     before: ComparedInput
     after: ComparedInput
     machine: str
@@ -209,13 +190,6 @@ class Verification(Schema):
     acted_as_mm: dict[str, float] | None = None
     other_change: OtherChange | None = None
     decision: Conformity | None = None
-    # Of the machine as measured afterwards: its before_mm; reports.
-    workspace: Workspace | None = None
-
-    @computed_field  # of one of the two, or both
-    @property
-    def simulated(self) -> bool:
-        return self.before.validity.simulated or self.after.validity.simulated
 
     @property
     def failed(self) -> bool:
@@ -290,7 +264,7 @@ def verify(
     added = correcting(model.machine, corrected)
     shared = shared_contrasts(before.measured, after.measured, model)
     response = _respond(shared, model.extended(added), first.offsets_mm, applied)
-    later = pose(after.measured, model, table_kind(before.measured))
+    later, data = pose(after.measured, model, table_kind(before.measured))
     names = [difference.name for difference in later.which]
     every = promise(before.measured, first, applied, right, added)
     promised = [row for row in every if row.name in names]
@@ -300,8 +274,8 @@ def verify(
             "Measure the postures max and min before and after.",
         )
     chosen = [names.index(row.name) for row in promised]
-    left, noise_mm = later.data[chosen], model.machine.instrument.noise_mm
-    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.problem.covariance()))[chosen]
+    left, noise_mm = data[chosen], model.machine.instrument.noise_mm
+    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
     pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
     rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
     was, will_be, sure = np.array(
@@ -325,7 +299,12 @@ def verify(
         corrected=corrected,
         differences=rows,
         **response,
-        decision=None if limit_mm is None else Conformity.of(rows, limit_mm),
+        decision=None
+        if limit_mm is None
+        else Conformity(
+            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
+            limit_mm=limit_mm,
+        ),
     )
 
 
@@ -341,7 +320,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     if machine != later or stated:
         entered = np.subtract(later.active, machine.active).round(9).tolist()
     first, second = (_solved(given, given.model)[0] for given in (before, after))
-    count, touches = (int(one.posed.problem.plan.touches.sum()) for one in (first, second))
+    count, touches = (int(one.problem.plan.touches.sum()) for one in (first, second))
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
@@ -373,7 +352,7 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
 
     `heights` (n,) are those of all readings, or what the parameters leave of them [mm].
     """
-    plan, machine = solution.posed.problem.plan, solution.model.machine
+    plan, machine = solution.problem.plan, solution.model.machine
     # Without their mean: the first layer's height is set apart.
     left = heights[plan.touches] - heights[plan.touches].mean()
     count, total = len(left), float(left @ left)
@@ -402,6 +381,7 @@ def _common(
     reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
+        "simulated": any(given.measured.source.simulated for given in inputs),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
@@ -545,13 +525,13 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
             "Measure both with the same protocol.",
         )
     kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
-    first, second = (pose(measured, model, kind) for measured in (before, after))
-    both = [difference for difference in first.which if difference in second.which]
+    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
+    both = [difference for difference in first[0].which if difference in second[0].which]
     problems, change = list[Problem](), np.zeros(len(both))
-    for posed, sign in ((first, -1.0), (second, 1.0)):
-        chosen = sign * np.eye(len(posed.data))[[*map(posed.which.index, both)]]
-        problems.append(replace(posed.problem, matrix=chosen @ posed.problem.matrix))
-        change += chosen @ posed.data
+    for (problem, data), sign in zip(posed, (-1.0, 1.0), strict=True):
+        chosen = sign * np.eye(len(data))[[*map(problem.which.index, both)]]
+        problems.append(replace(problem, matrix=chosen @ problem.matrix))
+        change += chosen @ data
     return SharedContrasts(kind, problems[0], problems[1], change)
 
 
@@ -640,10 +620,6 @@ def _regress(
     left, spare = float(residual @ residual), len(change) - len(sizes)
     # No reading is known better than its gauge's resolution allows.
     sigma = max(math.sqrt(left / spare), gauge.rounding_mm)
-    reach, coefficients = half_width(spare), []
-    for value, length in zip(sizes.tolist(), np.linalg.norm(inverse, axis=1).tolist(), strict=True):
-        std = sigma * length
-        interval = value - reach * std, value + reach * std
-        agrees = interval[0] <= 1.0 <= interval[1]
-        coefficients.append(Coefficient(value=value, std=std, ci95=interval, agrees=agrees))
-    return coefficients, left, spare
+    reach = half_width(spare) * sigma * np.linalg.norm(inverse, axis=1)
+    rows = np.stack((sizes, sizes - reach, sizes + reach), axis=1).tolist()
+    return [Coefficient(value=value, ci95=ends) for value, *ends in rows], left, spare

@@ -76,7 +76,7 @@ def test_expanded_uncertainty_uses_students_t() -> None:
     solution = solve(cases.healthy().given.measured, model)
     assert answer.dof == 51
     assert answer.k == pytest.approx(float(student.ppf(0.975, 51)), rel=1e-9)
-    assert expanded(answer) == pytest.approx(answer.k * solution.std_mm)
+    assert expanded(answer) == pytest.approx(answer.k * solution.budget.std_mm)
     assert found(answer) == pytest.approx(solution.offsets_mm)
 
 
@@ -99,7 +99,7 @@ def test_the_budget_holds_what_the_data_leave_open() -> None:
         assert size2.max() > 0.0
     std = np.array([each.std for each in answer.parameters])
     assert np.sum([np.square(each.std) for each in answer.budget], axis=0) == pytest.approx(std**2)
-    assert np.all(std > solution.std_mm)
+    assert np.all(std > solution.budget.std_mm)
     minor = np.sum([np.square(each.std) for each in answer.budget if each.minor], axis=0)
     assert np.square(answer.total.minor) == pytest.approx(minor)
     assert np.all(minor < 0.01 * len(answer.budget) * std**2)
@@ -148,11 +148,15 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
     assert ends.what[-1] in "0+-"
 
 
+def as_diagnosed(case: Case, diagnosis: Diagnosis) -> OffsetEstimate:
+    return making._as_diagnosed(case.given, diagnosis.alone, diagnosis)
+
+
 def test_the_promise_takes_what_was_found_into_account() -> None:
     """With a gap the diagnosed offsets leave something: the check says what, as simulation does."""
     case = cases.named_in_machine()
     answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
-    model, noise = making.with_causes(case.given.model, diagnosis), diagnosis.left_open[0][1].sigma
+    model, noise = as_diagnosed(case, diagnosis).model, diagnosis.left_open[0][1].sigma
     known = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, Scatter(noise, np.inf))
     entered = np.array([each.change(answer.decimals) for each in answer.parameters])
     promised = [row.expanded_mm for row in promise(measured, known, entered)]
@@ -169,18 +173,6 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     promised = promise(measured, solution, solution.offsets_mm)
     plain = next(row for row in promised if row.name == check.what)
     assert abs(plain.expected_mm - check.expected_mm) > 0.02
-
-
-def test_a_solution_that_did_not_converge_is_not_released() -> None:
-    """Its own check is computed again from the problem; no flag is believed."""
-    case = cases.healthy()
-    solution, diagnosis = solve(case.given.measured, case.given.model), diagnosis_of(case)
-    assert release(solution, diagnosis).usable
-    moved = replace(solution, offsets_mm=solution.offsets_mm + 0.01 * solution.std_mm)
-    decision = release(moved, diagnosis)
-    assert not decision.usable
-    assert "did not converge" in sentences(decision.reasons)[0]
-    assert decision.remedies[0].verb == "validate"
 
 
 @pytest.mark.parametrize(("stated", "offset", "usable"), [
@@ -268,7 +260,7 @@ def test_offsets_and_causes_keep_their_correlations() -> None:
     """The page's "at most" after the adjustment, from the covariance of the diagnosis."""
     case = cases.named_in_machine()
     answer, diagnosis = case.answer, diagnosis_of(case)
-    covariance, model = diagnosis.covariance_mm2, making.with_causes(case.given.model, diagnosis)
+    covariance, model = diagnosis.covariance_mm2, as_diagnosed(case, diagnosis).model
     correlation = covariance / np.outer(diagnosis.std_mm, diagnosis.std_mm)
     assert np.array(answer.correlation) == pytest.approx(correlation, rel=1e-9)
     assert np.abs(correlation - np.eye(3)).max() > 0.05
@@ -285,7 +277,7 @@ def test_offsets_and_causes_keep_their_correlations() -> None:
     assert np.abs(off).max() > 0.01 * np.diag(effect.covariance).max()
     assert effect.data_sha256 == case.source.sha256
     for other in (cases.named_in_measurement(), cases.ambiguous()):
-        assert making.with_causes(other.given.model, diagnosis_of(other)).accepted == ()
+        assert as_diagnosed(other, diagnosis_of(other)).model.accepted == ()
 
 
 def test_one_input_is_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
