@@ -177,6 +177,8 @@ class Verification(Schema):
     # Of heights: U with which the two agree if all is as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
+    # Of heights: what the parameters found afterwards would leave.
+    rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     parameters: dict[str, ComparedParameter]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
@@ -324,6 +326,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
+    reachable, *_ = _mean_square(second, second.measured.value - second.predicted_mm)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -344,6 +347,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         rms_promised_mm=promised_mm,
         rms_expanded_mm=most_mm - promised_mm,
         rms_after_mm=after_mm,
+        rms_reachable_mm=math.sqrt(reachable),
     )
 
 

@@ -99,6 +99,19 @@ def test_a_printer_is_compared_too():
     assert "Residuals of the touches" in Path("page.html").read_text(encoding="utf-8")
 
 
+def test_a_folder_goes_on_without_a_session_that_cannot_be_read():
+    written("unchanged", 4)
+    last = max(Path().glob("*.yaml"))
+    last.write_text(last.read_text(encoding="utf-8")[:2000] + "\n\t{", encoding="utf-8")
+    result = run("history", ".")
+    assert result.exit_code == 0
+    assert f"Left out: {last.name}, line " in result.stderr
+    assert f"Left out: {last.name} (not readable" in words(result.stdout)
+    assert len(answer("history", ".")["sessions"]) == 3
+    # What was named is not left out.
+    assert "Or leave it out" in refused(3, "history", *map(str, sorted(Path().glob("*.yaml"))))
+
+
 def test_what_was_simulated_is_no_history():
     for number in (1, 2, 3, 4):
         done("simulate", "--seed", str(number), "-o", f"s{number}.csv")

@@ -157,8 +157,8 @@ def _causes(case: Case) -> Iterator[doc.Section]:
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
         if pictures.moves_rails(cause.id) and answer.shims:
             rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
-            above = "± U (95 %). xy: how far rail x lies above rail y, along z; and so on."
-            blocks.append(doc.Grid(("rail", "move by", "towards"), rows, caption=above))
+            above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
+            blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
         title = f"Possible: {title}" if undecided else capitalized(title)
