@@ -231,7 +231,7 @@ def verify(
         UnusableResultError: one of them does not determine the parameters.
     """
     require_distinct((before, after))
-    if swapped := _swapped(before, after):
+    if swapped := in_wrong_order(before, after):
         raise wrong_order(after, before, typed)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
@@ -420,7 +420,7 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
 
 
-def _swapped(before: Input, after: Input) -> bool | None:
+def in_wrong_order(before: Input, after: Input) -> bool | None:
     """True if dates, or else what was entered and when, say that the second was measured first.
 
     None if nothing says which was.

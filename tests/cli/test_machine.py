@@ -40,6 +40,7 @@ def test_options_make_the_machine() -> None:
     assert done("machine", "show", "mine.yaml") == made
     assert re.search(r"Leg length, mm +400\n", made)
     assert max(map(len, made.splitlines())) <= 80
+    assert done("machine", "new", *ANSWERS, "--yes", "--output", "-") == text
 
 
 def test_tolerances_are_options_too() -> None:
