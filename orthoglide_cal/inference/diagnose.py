@@ -22,8 +22,6 @@ from orthoglide_cal.inference.decision import (
     MISFIT,
     PLACE_COUNTS,
     Decision,
-    decide,
-    decide_by,
     fits_at_places,
 )
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
@@ -57,6 +55,9 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 
+# Tolerances with which it is asked whether the answer depends on them, by what was done to them.
+SCALED = {"halved": 0.5, "doubled": 2.0}
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Diagnosis(Decision):
@@ -64,15 +65,19 @@ class Diagnosis(Decision):
 
     measured: Measured
     model: Model  # that they were judged by
-    alone: Solution  # the calibrated parameters alone
     # Errors of predicting readings that were not fitted, without the causes and with them; None
     # where nothing was to be predicted.
-    held_out: tuple[HeldOut, HeldOut] | None
+    held_out: tuple[HeldOut, HeldOut] | None = None
     # Of a printer, what the extension is compared with; None where it was not asked.
-    baselines: Baselines | None
-    # With all tolerances "halved" and "doubled"; empty if it was not asked for.
-    sensitivity: Mapping[str, Otherwise]
-    remarks: tuple[Reason, ...]  # on other dates, and on the held-out data
+    baselines: Baselines | None = None
+    # With all tolerances "halved" and "doubled"; None if it was not asked for, or nothing is wrong.
+    sensitivity: Mapping[str, Otherwise] | None = None
+    remarks: tuple[Reason, ...] = ()  # on other dates, and on the held-out data
+
+    @cached_property
+    def alone(self) -> Solution:
+        """The calibrated parameters alone."""
+        return fit_parameters(self.measured, self.model, start=self.at.offsets[0])
 
     # --- the parameters ---
 
@@ -160,7 +165,7 @@ class Diagnosis(Decision):
             causes.append(
                 FoundCause(
                     id=id,
-                    probability=self.belief.listed[self.accepted],
+                    probability=self.listed[self.accepted],
                     where=where,
                     parameters=parameters,
                     adds_mm=white.rms(unexplained(by_parameters, adds)),
@@ -176,7 +181,7 @@ class Diagnosis(Decision):
                     in_machine=cause.in_machine,
                 )
             )
-        single = {one.id: -self.belief.hypotheses[(one.id,)].log_evidence for one in causes}
+        single = {one.id: -self.hypotheses[(one.id,)].log_evidence for one in causes}
         return tuple(sorted(causes, key=lambda one: (one.id in machine.companions, single[one.id])))
 
     @property
@@ -252,11 +257,11 @@ class Diagnosis(Decision):
     def explanations(self) -> tuple[Explanation, ...]:
         """Those not dismissed, best first; those that are left open with their parameters."""
         fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in self.left_open}
-        least = DISMISSED * max(self.belief.probability.values())
+        least = DISMISSED * max(self.probability.values())
         # What is open is compared with the parameters alone, however improbable.
         sound = WORTH_SAYING * (self.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
         explanations = []
-        for key, probability in self.belief.probability.items():
+        for key, probability in self.probability.items():
             fit = fits.get(key)
             if fit is None and probability < (least if key else sound):
                 continue
@@ -275,7 +280,7 @@ class Diagnosis(Decision):
     @property
     def assumed_sizes(self) -> tuple[AssumedSize, ...]:
         """Size of each cause that was tried at its default: the machine file gives none."""
-        machine, tried = self.model.machine, {id for ids in self.belief.hypotheses for id in ids}
+        machine, tried = self.model.machine, {id for ids in self.hypotheses for id in ids}
         return tuple(
             AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
             for id, cause in CAUSES.items()
@@ -326,13 +331,13 @@ class Diagnosis(Decision):
                 f" {', '.join(doubtful)}, which lies in the measurement.",
                 "Take the reading that diagnose names, then accept.",
             )
-        listed = self.belief.listed
+        listed = self.listed
         best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
         if id not in best or not (best == accepted or self.is_open(best)):
             raise UnusableResultError(
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
-        (effect,) = (one for one in self.belief.fit(best).effects if one.cause.id == id)
+        (effect,) = (one for one in self.fit_of(best).effects if one.cause.id == id)
         sha256 = self.measured.source.sha256
         return self.model.accepting(effect.accepted(on.isoformat(), sha256))
 
@@ -349,12 +354,12 @@ class Diagnosis(Decision):
             for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
                 others = tuple(one for one in hypothesis.patterns if one is not pattern)
                 first.setdefault(pattern.label, replace(hypothesis, patterns=(*others, pattern)))
-                share = self.belief.unlisted[hypothesis.label]
+                share = self.unlisted[hypothesis.label]
                 total[pattern.label] = total.get(pattern.label, 0.0) + share
         acting, patterns = {one.label for one in next(iter(self.beyond_list)).patterns}, []
         for label, last in first.items():
             of_it = self.measured, total[label], label in acting, self.alone.rms_after_mm
-            patterns.append(describe(last, self.belief.fit(last.ids), *of_it))
+            patterns.append(describe(last, self.fit_of(last.ids), *of_it))
         return tuple(filter(None, patterns))
 
     @property
@@ -367,7 +372,7 @@ class Diagnosis(Decision):
         if self.verdict is not Verdict.UNEXPLAINED or self.refuted is not None:
             return
         hypothesis = next(iter(self.beyond_list))
-        for effect in self.belief.fit(hypothesis.ids).effects:
+        for effect in self.fit_of(hypothesis.ids).effects:
             yield effect.cause, effect.place
         for one in hypothesis.patterns:
             if one.how in CAUSES:
@@ -383,7 +388,7 @@ class Diagnosis(Decision):
         left = fit.left
         if self.acting:
             hypothesis = next(iter(self.beyond_list))
-            fit = self.belief.fit(hypothesis.ids)
+            fit = self.fit_of(hypothesis.ids)
             # More noise predicts nothing.
             acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
             fits = fits_of(replace(hypothesis, patterns=acting), fit) if acting else [(1.0, fit)]
@@ -424,10 +429,10 @@ class Diagnosis(Decision):
         alone, noise = self.alone, self.model.machine.instrument.noise_mm
         dof, size, p_value = alone.dof, alone.sigma_residuals_mm or 0.0, alone.lack_of_fit_p
         if self.white.texture is not None:
-            fit = self.belief.fit(())
+            fit = self.fit_of(())
             factor = 1.0 if self.verdict is Verdict.UNEXPLAINED else self.fit.scale_factor
             if factor != fit.scale_factor:
-                fit = fit_hypothesis(self.belief.hypotheses[()], factor)
+                fit = fit_hypothesis(self.hypotheses[()], factor)
             dof, p_value = len(self.white) - alone.offsets_mm.size, self.chance(fit)
             size = math.sqrt(fit.square / dof) if dof else 0.0
         repeats, chance = alone.repeats, None
@@ -455,7 +460,7 @@ class Diagnosis(Decision):
         Last what stays unexplained of a local shape, where that is the rule, and claims not made.
         """
         yield from notes_on(self.measured)
-        belief, white, machine = self.belief, self.white, self.model.machine
+        white, machine = self.white, self.model.machine
         accepted, fit = self.accepted, self.fit
         for id, spread in machine.doubted.items():
             lengths = machine.nominal_rails.lengths.tolist()
@@ -465,14 +470,14 @@ class Diagnosis(Decision):
         for cause, place in self._beside_patterns():
             yield Reason.of("acts_too", id=cause.id, where=cause.label(place, white.plan, machine))
         if self.verdict is Verdict.UNEXPLAINED:
-            best, least = self.best, DISMISSED * max(belief.unlisted.values())
-            if len(best) > 1 and belief.listed[best] >= least:
+            best, least = self.best, DISMISSED * max(self.unlisted.values())
+            if len(best) > 1 and self.listed[best] >= least:
                 yield Reason.of("two_would_follow", ids=best)
         if self.verdict is Verdict.AMBIGUOUS:
             for ids in self.rival_sets:
                 if set(accepted) < set(ids):
                     yield Reason.of("perhaps_also", ids=[id for id in ids if id not in accepted])
-        for part, probability in belief.listed.items():
+        for part, probability in self.listed.items():
             if part and set(part) < set(accepted) and self.is_open(part):
                 others = [id for id in accepted if id not in part]
                 yield Reason.of("perhaps_alone", id=part[0], others=others, probability=probability)
@@ -518,8 +523,8 @@ def diagnose(
 
     Raises UnusableResultError: as of `decided`.
     """
-    decision, machine, remarks = decided(measured, model), model.machine, list[Reason]()
-    belief, white = decision.belief, decision.white
+    diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
+    white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit
     changed = machine.differing(then.machine) if then is not None else ()
     anew = recalibrated or bool(changed)
     known = then if then is not None and changed else model
@@ -530,7 +535,7 @@ def diagnose(
     if later is not None and anew:
         remarks.append(Reason.of("recalibrated", changed=changed))
     elif later is not None:
-        shift = moved_origin(later, decision.carried, entered)
+        shift = moved_origin(later, diagnosis.carried, entered)
         if shift is not None:
             free = len(shift)
             moves = dict(zip(machine.parameter_names, shift.tolist(), strict=False))
@@ -538,51 +543,44 @@ def diagnose(
     again = repeats(white, later)
     if again is not None and again > REPEATS:
         remarks.append(Reason.of("maps_repeat", correlation=again))
-    alone = fit_parameters(measured, model, start=belief.at.offsets[0])
-    nothing, accepted = belief.fit(()), decision.fit
-    held_out, beside = None, None
+    held_out, beside, changes = None, None, None
     touched = bool(white.plan.touches.any())
     if accepted.effects or (touched and (sensitivity or later is not None)):
         before, after = (
             predict_later(later, fit, entered, free, machine)
             if later is not None
             else leave_out(fit, left_out(white, accepted.wrong_readings))[2]
-            for fit in (nothing, decision.carried)
+            for fit in (nothing, diagnosis.carried)
         )
         # Whoever adjusted the machine may have removed what acted before.
-        if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
-            refuted = refuted_later(decision, later, decision.carried, nothing, free)
-            decision = replace(decision, refuted=refuted)
+        if later is not None and diagnosis.verdict is Verdict.NAMED and not entered.any():
+            refuted = refuted_later(diagnosis, later, diagnosis.carried, nothing, free)
+            diagnosis = replace(diagnosis, refuted=refuted) if refuted else diagnosis
         # Without the cause the errors are in the unit that was written down, too.
-        unit = 1.0 if later is not None else unit_of(decision.fit.effects)
+        unit = 1.0 if later is not None else unit_of(diagnosis.fit.effects)
         before = replace(before, rms_mm=before.rms_mm * unit)
         held_out = before, after
         if touched:
             errors = {"parameters_mm": before.rms_mm, "extension_mm": after.rms_mm}
             others = baselines(white, later, entered, free)
             beside = Baselines(**errors, **others, repeats=again)
-    changes: dict[str, Otherwise] = {}
-    if sensitivity and decision.verdict is not Verdict.CONSISTENT:
-        for name, factor in (("halved", 0.5), ("doubled", 2.0)):
-            other = decide_by(belief.scaled(factor))
-            changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
-    return Diagnosis(
-        belief=belief,
-        repeats=decision.repeats,
-        refuted=decision.refuted,
-        measured=measured,
-        model=model,
-        alone=alone,
+    if sensitivity and diagnosis.verdict is not Verdict.CONSISTENT:
+        scaled = {name: diagnosis.scaled(factor).settled() for name, factor in SCALED.items()}
+        changes = MappingProxyType(
+            {name: Otherwise(verdict=one.verdict, ids=one.accepted) for name, one in scaled.items()}
+        )
+    return replace(
+        diagnosis,
         held_out=held_out,
         baselines=beside,
-        sensitivity=MappingProxyType(changes),
+        sensitivity=changes,
         remarks=tuple(remarks),
     )
 
 
 # What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
 @np.errstate(invalid="ignore")
-def decided(measured: Measured, model: Model) -> Decision:
+def decided(measured: Measured, model: Model) -> Diagnosis:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
     A name has to predict what is left out of its fit, and each date from those before it. Raises
@@ -591,7 +589,9 @@ def decided(measured: Measured, model: Model) -> Decision:
     try:
         white = Whitened.of(measured, model)
         again = repeats(white)
-        decision = replace(decide(white), repeats=again is not None and again > REPEATS)
+        decision = Diagnosis.about(white, measured=measured, model=model).settled()
+        if again is not None and again > REPEATS:
+            decision = replace(decision, repeats=True)
         verdict, fit = decision.verdict, decision.fit
     except np.linalg.LinAlgError as error:
         raise UnusableResultError(
@@ -604,7 +604,8 @@ def decided(measured: Measured, model: Model) -> Decision:
         return decision
     held = leave_out(fit, left_out(white, fit.wrong_readings))[2]
     if held.chance >= MISFIT:
-        return replace(decision, refuted=_refuted_by_date(measured, decision))
+        refuted = _refuted_by_date(measured, decision)
+        return replace(decision, refuted=refuted) if refuted else decision
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 

@@ -29,9 +29,8 @@ from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
-from orthoglide_cal.inference.decision import Decision, state
+from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
 from orthoglide_cal.inference.diagnose import decided, refuted_later
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
@@ -138,8 +137,8 @@ class _Session:
         self.given, self.last, self.path = given, last.machine, given.measured.source.path
         self.white = white = Whitened.of(given.measured, last.judging(given.model))
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
-        self.alone = self.belief.fit(())
+        self.belief = Decision(at, {(): Hypothesis(at, 0.0)}, {})
+        self.alone = self.belief.fit_of(())
         self.width = self.alone.offsets.size  # parameters of the machine
         self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
         self.decision: Decision | None = None
@@ -159,7 +158,7 @@ class _Session:
             wrong = {*other.accepted, *other.ambiguous_with} if other else set()
             known = other is None or other.verdict is not Verdict.UNEXPLAINED
             if known and wrong <= {*decision.accepted}:
-                fits = decision.carried, decision.belief.fit(())
+                fits = decision.carried, decision.fit_of(())
                 refuted = refuted_later(decision, later.white, *fits, self.width)
                 decision = replace(decision, refuted=refuted)
         if decision and decision.refuted:
@@ -170,7 +169,7 @@ class _Session:
             moved = values - self.alone.offsets
             self.unexplained = spread + np.outer(moved, moved)
         elif decision:
-            self.belief = decision.belief
+            self.belief = decision
         # Set of lasting causes → probabilities of the explanations with it.
         self.by_lasting: dict[Ids, dict[Ids, float]] = {}
         for ids, probability in self.belief.listed.items():
@@ -197,7 +196,7 @@ class _Session:
         """
         shares = self.by_lasting[standing]
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
-        fits = [*map(self.belief.fit, kept)]
+        fits = [*map(self.belief.fit_of, kept)]
         if causes:
             fits = [_fit_with(causes, self.belief.hypotheses[ids], scale) for ids in kept]
         weights = np.array([*kept.values()]) / sum(kept.values())

@@ -62,6 +62,7 @@ NORMAL_DOF = 500.0
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
     *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
+    "sensitivity",
 )
 
 
@@ -216,7 +217,6 @@ def answer_to(
         shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
-        sensitivity=dict(diagnosis.sensitivity) or None,
     )
 
 

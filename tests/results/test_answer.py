@@ -217,7 +217,7 @@ def test_cautions_judge_the_residuals_as_the_answer_does() -> None:
     """By the fit of the diagnosis: arms that distances free leave less than the parameters."""
     diagnosis = diagnosis_of(cases.healthy())
     judged = changed(diagnosis, lack_of_fit=diagnosis.lack_of_fit.changed(p_value=1e-9))
-    assert release(diagnosis.alone, judged).codes == ("residuals_too_large",)
+    assert release(judged.alone, judged).codes == ("residuals_too_large",)
     assert release(diagnosis.alone, diagnosis).codes == ()
 
 
