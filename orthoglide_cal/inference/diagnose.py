@@ -27,14 +27,7 @@ from orthoglide_cal.inference.decision import (
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import describe, fits_of
-from orthoglide_cal.inference.prediction import (
-    REPEATS,
-    baselines,
-    chance_of_worse,
-    moved_origin,
-    predict_later,
-    repeats,
-)
+from orthoglide_cal.inference.prediction import REPEATS, Later, baselines, repeats
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
     AssumedSize,
@@ -525,45 +518,41 @@ def diagnose(
     """
     diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
     white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit
-    changed = machine.differing(then.machine) if then is not None else ()
-    anew = recalibrated or bool(changed)
-    known = then if then is not None and changed else model
-    later = None if holdout is None else Whitened.of(holdout, known)
-    entered = np.zeros(len(machine.parameter_names))
-    entered[: len(applied)] = applied
-    free = len(entered) * anew
-    if later is not None and anew:
-        remarks.append(Reason.of("recalibrated", changed=changed))
-    elif later is not None:
-        shift = moved_origin(later, diagnosis.carried, entered)
-        if shift is not None:
-            free = len(shift)
+    wrong = accepted.wrong_readings
+    later, held_out, beside, changes = None, None, None, None
+    if holdout is not None:
+        changed = machine.differing(then.machine) if then is not None else ()
+        known = then if then is not None and changed else model
+        entered = np.zeros(len(machine.parameter_names))
+        entered[: len(applied)] = applied
+        later = Later(Whitened.of(holdout, known), machine, entered)
+        if recalibrated or changed:
+            later = replace(later, free=entered.size)
+            remarks.append(Reason.of("recalibrated", changed=changed))
+        elif (shift := later.moved_origin(diagnosis.carried)) is not None:
+            later = replace(later, free=len(shift))
             moves = dict(zip(machine.parameter_names, shift.tolist(), strict=False))
             remarks.append(Reason.of("origin_moved", moves=moves))
     again = repeats(white, later)
     if again is not None and again > REPEATS:
         remarks.append(Reason.of("maps_repeat", correlation=again))
-    held_out, beside, changes = None, None, None
     touched = bool(white.plan.touches.any())
-    if accepted.effects or (touched and (sensitivity or later is not None)):
+    if accepted.effects or (touched and (sensitivity or later)):
         before, after = (
-            predict_later(later, fit, entered, free, machine)
-            if later is not None
-            else leave_out(fit, left_out(white, accepted.wrong_readings))[2]
+            later.held_out(fit) if later else leave_out(fit, left_out(white, wrong))[2]
             for fit in (nothing, diagnosis.carried)
         )
         # Whoever adjusted the machine may have removed what acted before.
-        if later is not None and diagnosis.verdict is Verdict.NAMED and not entered.any():
-            refuted = refuted_later(diagnosis, later, diagnosis.carried, nothing, free)
+        if later and diagnosis.verdict is Verdict.NAMED and not later.entered.any():
+            refuted = later.refute(diagnosis.accepted, diagnosis.carried, nothing)
             diagnosis = replace(diagnosis, refuted=refuted) if refuted else diagnosis
         # Without the cause the errors are in the unit that was written down, too.
-        unit = 1.0 if later is not None else unit_of(diagnosis.fit.effects)
-        before = replace(before, rms_mm=before.rms_mm * unit)
-        held_out = before, after
+        unit = 1.0 if later else unit_of(diagnosis.fit.effects)
+        held_out = replace(before, rms_mm=before.rms_mm * unit), after
         if touched:
-            errors = {"parameters_mm": before.rms_mm, "extension_mm": after.rms_mm}
-            others = baselines(white, later, entered, free)
-            beside = Baselines(**errors, **others, repeats=again)
+            before_mm, after_mm = (held.rms_mm for held in held_out)
+            errors = {"parameters_mm": before_mm, "extension_mm": after_mm, "repeats": again}
+            beside = Baselines(**errors, **baselines(white, later))
     if sensitivity and diagnosis.verdict is not Verdict.CONSISTENT:
         scaled = {name: diagnosis.scaled(factor).settled() for name, factor in SCALED.items()}
         changes = MappingProxyType(
@@ -610,36 +599,22 @@ def decided(measured: Measured, model: Model) -> Diagnosis:
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 
 
-def refuted_later(
-    decision: Decision, later: Whitened, fit: Fit, alone: Fit, free: int
-) -> Reason | None:
-    """How later data refute the named causes, of which a fit is; None if they do not.
-
-    So many parameters, `free`, are others then.
-    """
-    before, nothing = decision.white.machine, np.zeros(fit.offsets.size)
-    if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
-        return None
-    errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
-    sizes = dict(zip(("without_mm", "with_mm"), errors, strict=True))
-    return Reason.of("refuted_later", ids=decision.accepted, **sizes)
-
-
 def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
     """How a date refutes what lasts of a name, predicted from those before it.
 
     The parameters are others on each date.
     """
     fit, model = decision.carried, decision.white.problem.model
+    before, entered = model.machine, 0.0 * fit.offsets
     lasting = tuple(cause for cause in fit.hypothesis.base if cause.lasting)
     if not isinstance(measured, Readings) or not lasting:
         return None
     for day in np.unique(measured.plan.date)[1:]:
         parts = measured.plan.date < day, measured.plan.date == day
-        earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
+        earlier, dated = (Whitened.of(measured.subset(part), model) for part in parts)
+        later = Later(dated, before, entered, entered.size)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
-        shaped, bare = map(fit_hypothesis, bases)
-        if refuted := refuted_later(decision, later, shaped, bare, fit.offsets.size):
+        if refuted := later.refute(decision.accepted, *map(fit_hypothesis, bases)):
             return refuted
     return None

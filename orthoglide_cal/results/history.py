@@ -31,9 +31,10 @@ from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
 from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
-from orthoglide_cal.inference.diagnose import decided, refuted_later
+from orthoglide_cal.inference.diagnose import decided
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Entered, Machine, Origin
@@ -159,7 +160,8 @@ class _Session:
             known = other is None or other.verdict is not Verdict.UNEXPLAINED
             if known and wrong <= {*decision.accepted}:
                 fits = decision.carried, decision.fit_of(())
-                refuted = refuted_later(decision, later.white, *fits, self.width)
+                unseen = Later(later.white, self.white.machine, np.zeros(self.width), self.width)
+                refuted = unseen.refute(decision.accepted, *fits)
                 decision = replace(decision, refuted=refuted)
         if decision and decision.refuted:
             data = {**decision.refuted.data, "of_file": PurePath(self.path).name}
