@@ -538,23 +538,23 @@ class Decision:
         return tuple(zip(weights.tolist(), map(self.fit_of, sets), strict=True))
 
     @cached_property
-    def silent_fits(self) -> tuple[tuple[str, float, Fit], ...]:
-        """Faults of the record besides the named causes that these data would not show.
+    def silent_fits(self) -> Mapping[str, list[tuple[float, Fit]]]:
+        """Faults of the record besides the named causes that these data would not show, by id.
 
-        For each place: the fault, its share next to what is left open, and the fit that holds it.
+        At each place: its share next to what is left open, and the fit that holds it.
         """
         if self.verdict is not Verdict.NAMED or not self.wrong:
-            return ()
+            return {}
         best = self.accepted
         total = self.share((best, *self.same_answer(best)))
-        faults = []
-        for ids in self.silent:
-            (more,) = set(ids) - set(best)
-            share = self.listed[ids] / total
-            # To keep any other place open would cost more than to be wrong.
-            placed = fits_at_places(self.hypotheses[ids], share, keep_ratio(ids, best))
-            faults += [(more, part, fit) for part, fit in placed]
-        return tuple(faults)
+        # To keep any other place open would cost more than to be wrong.
+        return {
+            more: fits_at_places(
+                self.hypotheses[ids], self.listed[ids] / total, keep_ratio(ids, best)
+            )
+            for ids in self.silent
+            for more in set(ids) - set(best)
+        }
 
     @cached_property
     def beyond_tolerance(self) -> tuple[TimesStated, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
+from itertools import chain
 from types import MappingProxyType
 
 import numpy as np
@@ -202,15 +203,11 @@ class Diagnosis(Decision):
     @cached_property
     def unshown(self) -> tuple[UnshownFault, ...]:
         """Faults of the record that would not show besides the named causes, at all places."""
-        plan, machine = self.white.plan, self.model.machine
-        faults: dict[str, list[Fit]] = {}
-        for id, _, fit in self.silent_fits:
-            faults.setdefault(id, []).append(fit)
-        shown = []
-        for id, fits in faults.items():
-            effects = (effect for fit in fits for effect in fit.effects if effect.cause.id == id)
+        plan, machine, shown = self.white.plan, self.model.machine, []
+        for id, fits in self.silent_fits.items():
+            effects = (effect for _, fit in fits for effect in fit.effects if effect.cause.id == id)
             wheres = (effect.cause.label(effect.place, plan, machine) for effect in effects)
-            change = np.max([np.abs(fit.offsets - self.offsets_mm) for fit in fits], axis=0)
+            change = np.max([np.abs(fit.offsets - self.offsets_mm) for _, fit in fits], axis=0)
             u = NORMAL_K * self.std_mm
             largest = int(np.argmax(change / u))
             shown.append(
@@ -242,9 +239,8 @@ class Diagnosis(Decision):
                 for share, fit in self.left_open
                 for placed in fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
             )
-        matter = {fault.id for fault in self.unshown if fault.matters}
-        faults = ((share, fit) for id, share, fit in self.silent_fits if id in matter)
-        return (*self.left_open, *faults)
+        matter = (self.silent_fits[fault.id] for fault in self.unshown if fault.matters)
+        return (*self.left_open, *chain(*matter))
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
