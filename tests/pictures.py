@@ -55,7 +55,7 @@ def terminal(case: Case) -> str:
 
 
 def sheet(case: Case) -> str:
-    identity = identify([(case.source, case.given.model)], case.answer.method, issued=DAY)
+    identity = identify([case.given], case.answer.method, issued=DAY)
     whole = html(calibration_document(case, identity).page())
     style = re.search("<style>(.*?)</style>", whole, re.DOTALL)[1]
     first = re.search(r"<body>(<header>.*?)<div class=\"sign\">", whole, re.DOTALL)[1]

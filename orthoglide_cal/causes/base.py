@@ -92,13 +92,9 @@ class ExchangeCause(RelabelCause, ABC):
     same part. Where these do not pair up, the readings are looked at under another plan.
     """
 
-    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
-        """In which readings labels were exchanged, shape (n,)."""
-        return np.full(len(plan), True)
-
     @abstractmethod
-    def really(self, series: Series, place: Place) -> Series:
-        """Series that was read where this one was written down; its own inverse."""
+    def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
+        """Leg and direction that each reading was of, shape (n,); its own inverse."""
 
     def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         unchanged, signs = super().relabel(plan, place)
@@ -110,9 +106,7 @@ class ExchangeCause(RelabelCause, ABC):
 
     def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""
-        really = np.array([self.really(series, place) for series in plan.series])
-        asked = np.stack((plan.leg, plan.direction), axis=1)
-        leg, direction = np.where(self.concerned(plan, place)[:, None], really, asked).T
+        leg, direction = self.really(plan, place)
         return replace(plan, leg=leg, direction=direction)
 
 
@@ -120,24 +114,21 @@ class ExchangeCause(RelabelCause, ABC):
 @functools.lru_cache(maxsize=64)
 def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray | None:
     """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
-    index, concerned = np.arange(len(plan)), cause.concerned(plan, place)
-    for series in set(plan.series):
-        rows, partners = (
-            plan.in_time[(plan.of(one) & concerned)[plan.in_time]]
-            for one in (series, cause.really(series, place))
-        )
-        if rows.size != partners.size or np.any(_step(plan, rows) != _step(plan, partners)):
-            return None
-        index[rows] = partners
+
+    def in_turn(leg: Ints, direction: Ints) -> tuple[Ints, Floats]:
+        """Indices of the readings by leg and direction, then in time; what partners agree in."""
+        rows = np.lexsort((plan.order, direction, leg, plan.part))
+        keys = plan.part, leg, direction, plan.displacement, plan.contact, *plan.state
+        return rows, np.stack(keys)[:, rows]
+
+    partners, written = in_turn(plan.leg, plan.direction)
+    rows, read = in_turn(*cause.really(plan, place))
+    index = np.empty_like(rows)
+    index[rows] = partners
     # Readings that share a zero must do so after the exchange.
     zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
     changed = np.any(index != np.arange(len(plan)))
-    return index if changed and len(zeros) == plan.setups else None
-
-
-def _step(plan: GaugePlan, readings: np.ndarray) -> np.ndarray:
-    """Keys that readings of the same step agree in, labels aside, shape (q, k)."""
-    return np.stack([key[readings] for key in (plan.displacement, plan.contact, *plan.state)])
+    return index if changed and len(zeros) == plan.setups and np.all(written == read) else None
 
 
 # A fault of the measurement is of one part, at the place (leg, direction) or (leg,). The first part

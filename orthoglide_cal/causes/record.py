@@ -21,8 +21,8 @@ from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Plan
-from orthoglide_cal.model.readings import GaugePlan, Series
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Plan
+from orthoglide_cal.model.readings import GaugePlan
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
@@ -152,13 +152,10 @@ class SwappedGauges(ExchangeCause):
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return words_of(plan, place, 1)
 
-    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
-        return there(plan, place, 1)
-
-    def really(self, series: Series, place: Place) -> Series:
+    def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
         """The same leg in its other direction."""
-        leg, direction = series
-        return Series(leg, 3 - leg - direction) if leg == place[0] else series
+        other = 3 - plan.leg - plan.direction
+        return plan.leg, np.where(there(plan, place, 1), other, plan.direction)
 
 
 class ExchangedColumns(ExchangeCause):
@@ -173,9 +170,9 @@ class ExchangedColumns(ExchangeCause):
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return whole_table(plan)
 
-    def really(self, series: Series, place: Place) -> Series:
+    def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
         """Leg and direction exchanged; the posture is that of the leg that was moved."""
-        return Series(series.direction, series.leg)
+        return plan.direction, plan.leg
 
 
 class WrongUnit(RelabelCause):

@@ -1,9 +1,11 @@
 """`orthocal adjust`: correct a named cause with its screw, live."""
 
+from functools import partial
+
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.cli.measure import guided, session_display
+from orthoglide_cal.cli.measure import guided
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 
 
@@ -27,7 +29,6 @@ def adjust(
     from orthoglide_cal.results.answer import InputFile, MachineName
     from orthoglide_cal.results.validity import validity
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
-    from orthoglide_cal.session.asking import Asker
 
     if session == "-":
         raise UsageError("adjust needs a file; standard input is the keyboard.", "Name the file.")
@@ -41,20 +42,17 @@ def adjust(
         if HOME_SWITCH.usual(type(known)) is None:
             fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
-        released(common.judged(given, machine, diagnosed=diagnosis))
+        released(common.judged(given, diagnosed=diagnosis))
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
-    show, source = session_display(json), tuple(gauge or ())
-    with guided(
-        lambda at: open_adjustments(given, id, adjustments, source, resume, Asker(at, show)),
-        "adjust", machine, f"--cause {id}",
-    ) as dialogue:  # fmt: skip
+    begin = partial(open_adjustments, given, id, adjustments, tuple(gauge or ()), resume)
+    with guided(begin, "adjust", json, machine, f"--cause {id}") as dialogue:
         answer = AdjustmentAnswer(
             input=InputFile.of(given),
             machine=MachineName(name=known.name, kind=known.kind),
             cause=id,
             adjustments=dialogue.adjusted,
         )
-        common.deliver(adjustment_document(answer, given, machine), as_json=json)
+        common.deliver(adjustment_document(answer, given), as_json=json)
         return UnusableResultError.exit_code if answer.failed else 0

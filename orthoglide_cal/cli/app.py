@@ -6,6 +6,7 @@ import errno
 import gc
 import io
 import os
+import pkgutil
 import sys
 from contextlib import suppress
 from typing import Any
@@ -17,24 +18,8 @@ from typer.main import get_command
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.adjust import adjust
-from orthoglide_cal.cli.apply import apply
-from orthoglide_cal.cli.common import PlainCommand, flag, leave_closed
-from orthoglide_cal.cli.diagnose import diagnose
-from orthoglide_cal.cli.export import export
-from orthoglide_cal.cli.guide import guide
-from orthoglide_cal.cli.history import history
-from orthoglide_cal.cli.machine import machine
-from orthoglide_cal.cli.measure import INTERRUPTED, measure
-from orthoglide_cal.cli.paper import paper
-from orthoglide_cal.cli.plan import plan
-from orthoglide_cal.cli.report import report
-from orthoglide_cal.cli.simulate import simulate
-from orthoglide_cal.cli.solve import solve
+from orthoglide_cal.cli.common import INTERRUPTED, PlainCommand, flag, leave_closed
 from orthoglide_cal.cli.start import start
-from orthoglide_cal.cli.template import template
-from orthoglide_cal.cli.validate import validate
-from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
 # For terminals that have no other signs.
@@ -43,28 +28,32 @@ _ASCII = {
 }  # fmt: skip
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
-_COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own
-for command in (
-    measure, solve, diagnose, plan, apply, adjust, verify, history, report, export, simulate,
-    validate, paper, template, guide,
-):  # fmt: skip
-    alone = _COMMANDS[command.__name__] = typer.Typer(rich_markup_mode=None, add_completion=False)
-    alone.command(cls=PlainCommand)(command)
-_COMMANDS["machine"] = machine
+# Each stands in the file of its name.
+_COMMANDS = (
+    "measure", "solve", "diagnose", "plan", "apply", "adjust", "verify", "history", "report",
+    "export", "simulate", "validate", "paper", "template", "guide", "machine",
+)  # fmt: skip
 
 
 class _Commands(TyperGroup):
-    """Makes only the command that is asked for: to make all takes longer than most of them run.
+    """Loads only the command that is asked for: to make all takes longer than most of them run.
 
     Errors of the package end a command with their own exit code.
     """
 
     def __init__(self, **settings: Any) -> None:
         # Their names are listed, and suggested for what is no command.
-        super().__init__(**{**settings, "commands": _COMMANDS})
+        super().__init__(**{**settings, "commands": dict.fromkeys(_COMMANDS)})
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:
-        return get_command(_COMMANDS[cmd_name]) if cmd_name in _COMMANDS else None
+        if cmd_name not in _COMMANDS:
+            return None
+        command = pkgutil.resolve_name(f"{__package__}.{cmd_name}:{cmd_name}")
+        if not isinstance(command, typer.Typer):
+            alone = typer.Typer(rich_markup_mode=None, add_completion=False)
+            alone.command(cls=PlainCommand)(command)
+            command = alone
+        return get_command(command)
 
     def invoke(self, ctx: Any) -> Any:
         common.forget()

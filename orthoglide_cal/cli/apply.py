@@ -65,14 +65,14 @@ def apply(
             file = file or new_machine_file(given.model, controller.target)  # it needs none
         file = file or common.own_machine_file(None)
         check_measured(given, None if to else file)
-        check_not_adjusted(given.measured.source, machine)
+        check_not_adjusted(given)
         corrects = controller.corrects(measured_on) if controller else ()
-        answer = released(common.judged(given, machine, corrects=corrects)).answer
+        answer = released(common.judged(given, corrects=corrects)).answer
         entry = application(given, answer, file, datetime.now().astimezone(), controller)
     controller, target = entry.controller, entry.file.document.path
     otherwise = running(controller) if controller else None
     live = otherwise == "" and not entry.tables
-    document = application_document(entry, machine, live)
+    document = application_document(entry, live)
     if entry.changes:
         for written in (target, *([controller.target] if controller else [])):
             if not server(written):

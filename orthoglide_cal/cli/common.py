@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from orthoglide_cal.report.document import Document
 
 NO_COLOUR = "no_colour"
+INTERRUPTED = 130  # exit code
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 LARGEST = 1e5
 # What the help calls a number → the units that may follow it, each in that of the number alone.
@@ -267,18 +268,18 @@ def read_input(
         # The machine of many files stays one: what is worked out of it is theirs, too.
         if keeper and keeper.model.machine is not model.machine:
             model = replace(model, machine=model.machine.with_papers(keeper.model.machine))
-        return replace(one, keeper=keeper, model=model)
+        return replace(one, keeper=keeper, model=model, machine_file=machine_file)
 
     return replace(completed(given), others=tuple(map(completed, given.others)))
 
 
-def judged(given: Input, machine_file: Path | None = None, **how: Any) -> Case:
+def judged(given: Input, **how: Any) -> Case:
     """The answer to an input, `how` as of `answer_to`; it shows what it works on."""
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.results import answer_to
 
     with working(given.measured.source.path):
-        return Case(given, answer_to(given, **how), machine_file)
+        return Case(given, answer_to(given, **how))
 
 
 def require_printer(source: Source, data: Data) -> None:

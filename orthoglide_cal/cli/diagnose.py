@@ -86,7 +86,7 @@ def diagnose(
                 sensitivity=full,
                 recalibrated=recalibrated,
             )
-        case = common.judged(given, machine, diagnosed=diagnosed, holdout=holdout, details=full)
+        case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
         if together and diagnosed:
             case = replace(case, answer=with_dates(case.answer, diagnosed, dates))
         common.deliver(diagnosis_document(case), as_json=json, details=details)
@@ -102,7 +102,7 @@ def diagnose(
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)
             return error.exit_code
-        go_on = replace(case, machine_file=target).typed("report")
+        go_on = replace(case, given=replace(given, machine_file=target)).typed("report")
         common.tell(f"{accept} is now part of {target}. Continue with:\n  {go_on}")
         return 0
 

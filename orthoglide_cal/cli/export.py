@@ -54,8 +54,8 @@ def export(
         remedy = f"Choose one of {', '.join(known.controller_formats)}, or text."
         raise UsageError(f"{fault} {known.kind}.", remedy)
     check_measured(given)
-    case = released(common.judged(given, machine, method=method, details=json), force)
-    identity = identify([(case.source, given.model)], case.answer.method, machine)
+    case = released(common.judged(given, method=method, details=json), force)
+    identity = identify([given], case.answer.method, machine)
     if format == "table":
         text = controller.as_table(compensation(given.model, points), case, identity)
     else:

@@ -4,7 +4,7 @@ import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -17,11 +17,9 @@ from orthoglide_cal.errors import UnusableResultError, UsageError, command, visi
 from orthoglide_cal.words import Unit
 
 if TYPE_CHECKING:
-    from orthoglide_cal.session.asking import Show
+    from orthoglide_cal.session.asking import Asker, Show
     from orthoglide_cal.session.dialogue import Dialogue
-    from orthoglide_cal.session.keyboard import Keyboard
 
-INTERRUPTED = 130
 Guided = TypeVar("Guided", bound="Dialogue")
 
 
@@ -123,8 +121,12 @@ def measure(
         gauges=tuple(GaugeLabel(id=visible(id), certificate=visible(no)) for id, no in labels),
         says=sentence,
     )
-    standing, show = Standing(follow) if follow else None, session_display(json)
-    with guided(lambda at: open_session(request, at, show, standing), "measure") as dialogue:
+
+    def begin(asker: "Asker", opened: ExitStack) -> "Dialogue":
+        standing = opened.enter_context(closing(Standing(follow))) if follow else None
+        return open_session(request, asker, opened, standing)
+
+    with guided(begin, "measure", json) as dialogue:
         dialogue.publish()
         case = common.judged(common.read_input(str(dialogue.path)), details=json)
         common.deliver(solution_document(case), as_json=json, details=False)
@@ -134,12 +136,17 @@ def measure(
 
 @contextmanager
 def guided(
-    begin: Callable[["Keyboard"], Guided], verb: str, machine: File = None, options: str = ""
+    begin: Callable[["Asker", ExitStack], Guided],
+    verb: str,
+    as_json: bool,
+    machine: File = None,
+    options: str = "",
 ) -> Iterator[Guided]:
     """Lead through what is begun at a keyboard, and give it once it has ended.
 
     Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
     """
+    from orthoglide_cal.session.asking import Asker
     from orthoglide_cal.session.dialogue import Quit
     from orthoglide_cal.session.keyboard import Keyboard
 
@@ -148,7 +155,8 @@ def guided(
     before = {number: signal.signal(number, signal.default_int_handler) for number in caught}
     message = again = ""
     try:
-        with closing(Keyboard()) as keyboard, closing(begin(keyboard)) as dialogue:
+        with closing(Keyboard()) as keyboard, ExitStack() as opened:
+            dialogue = begin(Asker(keyboard, _display(as_json)), opened)
             path, options = str(dialogue.path), f"{options} --resume".strip()
             again = command(verb, path, machine=machine, options=options)
             dialogue.greet()
@@ -173,10 +181,10 @@ def guided(
         sys.stdout.flush()
     except OSError:
         common.leave_closed(sys.stdout, sys.stderr)
-    raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(common.INTERRUPTED)
 
 
-def session_display(as_json: bool) -> "Show":
+def _display(as_json: bool) -> "Show":
     """Shows a session on standard output; on standard error what arrived unasked.
 
     If the result is to be JSON, all on standard error.

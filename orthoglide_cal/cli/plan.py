@@ -113,7 +113,7 @@ def plan(
         diagnosis = diagnose(given.measured, model) if given else None
         ranked = rank_measurements(diagnosis) if diagnosis else ()
         planned = measurement_plan(model, wanted, ranked, full)
-    begun = common.judged(given, machine, diagnosed=diagnosis) if given else None
+    begun = common.judged(given, diagnosed=diagnosis) if given else None
     document = plan_document(planned, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 

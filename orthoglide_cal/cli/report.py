@@ -39,11 +39,11 @@ def report(
 
     path = file or str(latest_session(Path()))
     given, verification, left = common.read_input(path, machine, data, rule_out), None, None
-    case = common.judged(given, machine, method=method, details=True)
+    case = common.judged(given, method=method, details=True)
     no_differences = given.measured.kinds == (DataKind.READINGS,)
     if limit is not None and no_differences:
         raise UsageError("--limit applies to differences of readings only.", "Leave it out.")
-    judged = [(one.source, one.given.model) for one in (case, *case.others)]
+    judged = [given, *given.others]
     options: tuple[object, ...] = () if limit is None else (limit,)
     if after is not None:
         later = common.read_input(after, machine, data)
@@ -51,7 +51,7 @@ def report(
             compare = f"Compare them: {case.typed('verify', other=after)}"
             raise UsageError("The report of a printer shows one file.", compare)
         right = command("report", after, machine=machine, after=path, applied=applied, limit=limit)
-        left = common.judged(later, machine, details=True)
+        left = common.judged(later, details=True)
         with common.working(f"{path}, {after}"):
             compared = verify(given, later, applied, limit, adjusted_since(given), right)
         verification = compared.changed(workspace=left.answer.workspace)

@@ -66,8 +66,12 @@ def simulate(
     import numpy as np
 
     from orthoglide_cal.files.probe_readings import probe_points_csv
-    from orthoglide_cal.files.readings import readings_csv
-    from orthoglide_cal.files.session_file import session_json, session_of_readings, session_text
+    from orthoglide_cal.files.readings import (
+        readings_csv,
+        session_json,
+        session_of_readings,
+        session_text,
+    )
     from orthoglide_cal.model.machine import SimulationOptions
     from orthoglide_cal.model.model import synthetic_session
 
@@ -147,30 +151,20 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
     """The place that a text names, "" where there is only one. Raises UsageError."""
     places = cause.places(plan, machine)
-    # Else of a reading, or of a unit.
     by_leg = all(part < 3 for place in places for part in place)
+    number = {row: str(count) for count, row in enumerate(plan.in_time.tolist(), start=1)}
 
-    def read(text: str) -> Place:
-        parts = [part.strip() for part in text.removesuffix("+").split(",")]
-        if by_leg and all(part in ("x", "y", "z") for part in parts):
-            return tuple("xyz".index(part) for part in parts)
-        if (
-            not by_leg
-            and len(parts) == 1
-            and parts[0].isdecimal()
-            and 1 <= int(parts[0]) <= len(plan)
-        ):
-            reading = int(plan.in_time[int(parts[0]) - 1])
-            return (reading, int(text.endswith("+"))) if len(places[0]) == 2 else (reading,)
-        return ()
+    def name(place: Place) -> str:
+        if by_leg:
+            return ",".join("xyz"[part] for part in place)
+        return number[place[0]] + "+" * any(place[1:])  # of a reading or unit; from it on
 
-    place = read(text)
-    fits = place in places and bool(text) == bool(place)
-    if fits and cause.reversible(plan, place):
+    named = {name(place): place for place in places}
+    place = named.get(text.replace(" ", ""))
+    if place is not None and cause.reversible(plan, place):
         return place
-    here = f" at {text!r}" if text else ""
-    forms = {"12": "a reading", "x,y": "leg, direction", "x": "a leg", "1": "a unit"}
-    form = next((form for form in forms if read(form) in {*places} - {()}), None)
-    example = f"{form} ({forms[form]})" if form else "no place" if places else "none fits"
-    fault = f"{cause.id} cannot act{here} in this session."
+    forms = {"12": "12 (a reading)", "x,y": "x,y (leg, direction)", "x": "x (a leg)"}
+    forms |= {"1": "1 (a unit)", "": "no place"}
+    example = next((form for known, form in forms.items() if known in named), "none fits")
+    fault = f"{cause.id} cannot act{f' at {text!r}' if text else ''} in this session."
     raise UsageError(fault, f"Give as its place: {example}.")

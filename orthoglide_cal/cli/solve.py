@@ -19,7 +19,7 @@ def solve(
 
     def judge(path: str) -> int:
         given = common.read_input(path, machine, data, rule_out)
-        case = common.judged(given, machine, method=method, details=details or json)
+        case = common.judged(given, method=method, details=details or json)
         common.deliver(solution_document(case), as_json=json, details=details)
         return 0 if case.answer.release.usable else UnusableResultError.exit_code
 

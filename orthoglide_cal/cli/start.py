@@ -127,7 +127,7 @@ def _next(
             path = str(printers[-1]) if usual and printers else usual
             yield Instruction(text, command(verb, *filter(None, [path])))
     elif entry and applied and (applied == last or precedes(read_input(last), entry)):
-        again = measure_again(read_input(last).conditions)
+        again = measure_again(read_input(last))
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):
         yield "Nothing more to do: measured, entered, measured again and reported."

@@ -11,6 +11,7 @@ this machine shows only in the readings, so several sizes are carried along, eac
 likelihood that the readings give it.
 """
 
+import functools
 import math
 
 import numpy as np
@@ -20,7 +21,7 @@ from orthoglide_cal.estimation.budget import plausible_causes
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.cause import PER_HOUR
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import GaugePlan
@@ -29,13 +30,11 @@ from orthoglide_cal.model.readings import GaugePlan
 OFFSET_MM = 3.0
 ZERO_MM = 50.0
 UNKNOWN_MM = 5.0
-# Sizes of the misfit that are carried along, in units of `misfit_mm`.
+# Sizes of the misfit that are carried along, in plausible ones.
 _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
 
 
-def forecast(
-    model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float, misfit_mm: float
-) -> Mixture:
+def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mixture:
     """Readings of a plan (m,) before the first is taken, for each size of the misfit.
 
     Args:
@@ -44,13 +43,12 @@ def forecast(
         fresh: shape (m,); where not 0, nothing is known of a reading but its repeats with the same
             number.
         sigma_mm: standard deviation of one reading.
-        misfit_mm: as of `plausible_misfit_mm`.
     """
     machine, causes = model.machine, CAUSES.values()
     zero = np.zeros(len(machine.parameter_names))
     drift = math.hypot(*(cause.size(machine) for cause in causes if cause.unit == PER_HOUR))
     settling = math.hypot(*(cause.size(machine) for cause in causes if cause.settles))
-    _, slopes = simulate_with_jacobian(Model(machine), zero, plan)
+    _, slopes = differentiate(Model(machine), zero, plan)
     known, first = fresh == 0, _first_visits(plan)
     slopes, cells = slopes * known[:, None], _same(plan.cells, fresh)
     common = (
@@ -61,7 +59,7 @@ def forecast(
         * (drift**2 * np.outer(plan.hours, plan.hours) + settling**2 * np.outer(first, first))
         + sigma_mm**2 * np.eye(len(plan))
     )
-    size2, count = (_SIZES * misfit_mm)[:, None, None] ** 2, len(_SIZES)
+    size2, count = (_SIZES * plausible_misfit_mm(machine))[:, None, None] ** 2, len(_SIZES)
     return Mixture(
         np.tile(simulate(model, zero, plan)[:, None], (count, 1, 1)),
         common + size2 * (cells & known),
@@ -79,6 +77,7 @@ def _first_visits(plan: GaugePlan) -> np.ndarray:
     return first
 
 
+@functools.lru_cache(maxsize=8)  # asked for at every reading
 def plausible_misfit_mm(machine: Machine) -> float:
     """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
 

@@ -29,19 +29,11 @@ import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation.gaussian import shrink, shrinking, whiten, whiten_shared
+from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import (
-    Contrasts,
-    Floats,
-    Ints,
-    Plan,
-    ReadOnly,
-    Reduction,
-    read_only,
-    zero_free,
-)
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
@@ -78,7 +70,7 @@ class Problem(ReadOnly):
             point = simulate_at(self.model, offsets.reshape(-1), plan, strict)
             readings, jacobian = (np.reshape(a, (*offsets.shape[:-1], *a.shape)) for a in point)
         else:
-            readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
+            readings, jacobian = differentiate(self.model, offsets, plan, strict=strict)
         return np.asarray(readings @ matrix.T), np.asarray(matrix @ jacobian)
 
     @cached_property
@@ -131,7 +123,7 @@ class Problem(ReadOnly):
 def simulate_at(
     model: Model, offsets: Floats, plan: Plan, strict: bool = True
 ) -> tuple[Floats, Floats]:
-    """`simulate_with_jacobian` at one point (3,), kept for other weights and other sessions."""
+    """`differentiate` at one point (3,), kept for other weights and other sessions."""
     same = plan.steps if model.repeats else plan
     readings, jacobian = _simulate_at(model, tuple(offsets.tolist()), same)
     if strict and not np.isfinite(readings).all():
@@ -141,7 +133,7 @@ def simulate_at(
 
 @functools.lru_cache(maxsize=8)
 def _simulate_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[Floats, Floats]:
-    readings, jacobian = simulate_with_jacobian(model, np.array(offsets), plan, strict=False)
+    readings, jacobian = differentiate(model, np.array(offsets), plan, strict=False)
     return read_only(readings), read_only(jacobian)
 
 

@@ -10,7 +10,8 @@ it is linear, beyond the first and last it stays. With a table `BACKLASH` is ign
 switch counts from what the table adds there, a joint homed at once does not: a table that is zero
 at HOME_OFFSET, in the direction in which the switch is latched, means the same to both.
 
-Klipper's printer.cfg has the parameters of a delta in the block that SAVE_CONFIG wrote.
+Klipper's printer.cfg has the parameters of a delta in the block that SAVE_CONFIG wrote;
+position_endstop is the height of the nozzle, in the middle, at which it triggers.
 
 Only these values change: every other byte stays, and so do line ends, encoding, file mode and
 links. The file is a path, or the address of a Moonraker server.
@@ -32,7 +33,6 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
-from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
 from orthoglide_cal.model.cause import Cause, Effect
@@ -357,16 +357,12 @@ def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
     machine = LinearDelta.require(model.machine)
     new = zip(machine.active, changes, strict=True)
     *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in new)
+    angles = np.array([angle_a, angle_b, machine.tower_angles_deg[2]])
     arms = np.array(machine.arm_length_mm)
     for effect in model.accepted:
         if effect.cause.id in machine.fixed_parameters:
             arms += effect.theta
-    return machine.changed(
-        arm_length_mm=tuple(arms.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=(angle_a, angle_b, machine.tower_angles_deg[2]),
-        endstops_mm=tuple(endstops),
-    )
+    return machine.having(arms, radius, angles, np.array(endstops))
 
 
 def printer_values(machine: LinearDelta) -> dict[str, float]:
@@ -474,7 +470,7 @@ def _values(
     heading: int = 0,
 ) -> dict[str, WrittenValue]:
     """The wanted values, below the heading of Klipper's block. Raises InputError."""
-    faults, values = Faults(target), dict[str, WrittenValue]()
+    faults, values = list[InputError](), dict[str, WrittenValue]()
     for name, (section, option) in wanted.items():
         key, needed = f"[{section}] {option}", name not in optional
         number, value = entries[section].get(option, (None, ""))
@@ -487,10 +483,13 @@ def _values(
             problem = "This is not a number."
         if problem:
             remedy = advice.format(section, option, "NUMBER")
-            faults.add(problem, remedy, line=number, column=key, value=value or None)
+            text = value or None
+            fault = InputError(problem, remedy, file=target, line=number, column=key, value=text)
+            faults.append(fault)
         elif number is not None:
             values[name] = WrittenValue(line=number, key=key, before=value)
-    faults.check()
+    if faults:
+        raise InputError.of(sorted(faults, key=lambda fault: fault.line or 0))
     return values
 
 

@@ -55,14 +55,16 @@ _QUOTED = re.compile("'([^']*)'")
 _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
 
 
-class Faults:
-    """The faults of one file, in the order found; its path is as the user gave it."""
+class Content:
+    """The content of a file as dicts, lists and texts, with the lines of them, and its faults."""
 
     of_table = False
 
-    def __init__(self, file: str) -> None:
-        self.file = file
-        self.problems: list[InputError] = []
+    def __init__(self, document: FileText) -> None:
+        self.document, self.file = document, document.path
+        self.problems: list[InputError] = []  # in the order found
+        self.value: Any = None  # dict, list, str or None, nested
+        self.lines: dict[Steps, int] = {}  # of each node, from 1
 
     def add(
         self,
@@ -99,15 +101,12 @@ class Faults:
         if self.problems:
             raise self.error()
 
-
-class Content(Faults):
-    """The content of a file as dicts, lists and texts, with the lines of them, and its faults."""
-
-    def __init__(self, document: FileText) -> None:
-        super().__init__(document.path)
-        self.document = document
-        self.value: Any = None  # dict, list, str or None, nested
-        self.lines: dict[Steps, int] = {}  # of each node, from 1
+    def at(self, path: Steps) -> Any:
+        """The node at `path`; None where there is none."""
+        value = self.value
+        for step in path:
+            value = value.get(step)
+        return value
 
     def place(self, path: Steps) -> Place:
         """Where the node at `path` stands; of one that is missing, where its parent does."""

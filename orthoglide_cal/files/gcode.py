@@ -25,19 +25,20 @@ All heights are counted from the trigger height, places are the probe's. G33 cha
 what was probed before is counted from those after it, with the carriages where they were.
 
 Sources: "GCode dictionary" and "Mesh bed compensation" of RepRapFirmware; Marlin's documents of
-G29 (bilinear), G33, M420, M503, M665, M666 and M851.
+G29 (bilinear), G33, M420, M503, M665, M666 and M851, its M665.cpp, M666.cpp (no adjustment above
+zero is taken) and motion.cpp (after homing the nozzle is believed at H less Z of M851).
 """
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import PurePath
 
 import numpy as np
 
 from orthoglide_cal.errors import InputError, PostureError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -50,7 +51,7 @@ from orthoglide_cal.files.probe_readings import (
     within,
 )
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -68,12 +69,6 @@ _KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
 _NAME = re.compile(r'^\s*M550\s+P"([^"\n]+)"', re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
 HEIGHT_MAP = re.compile(r"\A\s*RepRapFirmware height map file")
-# Later versions name the axes, and number what earlier ones call x and y.
-_NAMES = {
-    f"{name}{number}": axis + name
-    for name in ("min", "max", "num", "spacing")
-    for number, axis in enumerate("xy")
-}
 _UNPROBED = "0"
 _AGAIN = "Probe the bed again: G29"
 _FAR = 1000.0  # mm, and places along one axis
@@ -82,7 +77,8 @@ _UNKNOWN = (
     " folder."
 )
 
-Words = dict[str, tuple[float, ...]]
+# Code and letter → its numbers: {"M665L": (215.0,)}.
+Words = dict[str, list[float]]
 
 
 def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
@@ -94,42 +90,69 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     words: Words = {}
     for file in (document, *overriding):
         words |= _words(file)
-    faults, marlin = Faults(document.path), _MARLIN.search(document.text) is not None
-
-    def one(word: str, usual: float = math.nan) -> float:
-        return words.get(word, (usual,))[0]
-
-    def three(code: str, usual: float = 0.0) -> np.ndarray:
-        return np.array([one(code + axis, usual) for axis in "XYZ"])
-
+    faults, marlin = Content(document), _MARLIN.search(document.text) is not None
     for letter in "LRH":
         if "M665" + letter not in words:
             remedy = f"Add it to the line M665, or give a file that has it: M665 … {letter}…"
             faults.add(f"M665 with {letter} is missing.", remedy)
     faults.check()
-    arms, radius, height = np.array(words["M665L"]) * np.ones(3), one("M665R"), one("M665H")
-    if marlin and "M665C" in words:
-        arms += [one("M665" + tower, 0.0) for tower in "ABC"]
-    angles = three("M665") + USUAL_ANGLES_DEG
-    if not 0.0 < radius < arms.min():
-        what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
-        faults.add(what, "Check both in M665.")
-    if not counter_clockwise(angles.tolist()):
-        faults.add(TOWERS_TURN, "Check X, Y and Z of M665; they are usually below one degree.")
-    faults.check()
+    (bed,) = words.get("M665B", [math.nan])
     if marlin:
-        probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
+        probe = _three(words, "M851", math.nan) * (1.0, 1.0, -1.0)
         # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
-        bed = math.nan if "M665C" in words else one("M665B") + _MARGIN_MM
-        endstops = height - three("M666") + np.nan_to_num(probe[2])
+        bed = math.nan if "M665C" in words else bed + _MARGIN_MM
     else:
-        probe, bed, endstops = three("G31", math.nan), one("M665B"), height + three("M666")
-    machine = delta_of(document, arms, radius, angles, endstops, bed)
+        probe = _three(words, "G31", math.nan)
+    with faults.noting(None):
+        machine = _stated(delta_of(document, bed), words, marlin, np.nan_to_num(probe[2]))
+    faults.check()
     if named := _NAME.search(document.text):
         machine = machine.changed(name=named[1])
     unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
     name = PurePath(document.path).name
     return PrinterFile(machine, probe, document.source, unknown=unknown.format(name))
+
+
+def _stated(machine: LinearDelta, words: Words, marlin: bool, trigger: float) -> LinearDelta:
+    """The machine with what M665 and M666 state; the nozzle's height when the probe triggers is
+    what Marlin believes it lower by. Raises InputError without a place."""
+    (radius,), (height,) = words["M665R"], words["M665H"]
+    arms = np.array(words["M665L"]) * np.ones(3)
+    if marlin and "M665C" in words:
+        arms += _three(words, "M665", letters="ABC")
+    adjusted = _three(words, "M666")
+    angles = _three(words, "M665") + USUAL_ANGLES_DEG
+    if not 0.0 < radius < arms.min():
+        what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
+        raise InputError(what, "Check both in M665.")
+    if not counter_clockwise(angles.tolist()):
+        remedy = "Check X, Y and Z of M665; they are usually below one degree."
+        raise InputError(TOWERS_TURN, remedy)
+    return machine.having(
+        arms, radius, angles, height + (trigger - adjusted if marlin else adjusted)
+    )
+
+
+def words_of(machine: LinearDelta, marlin: bool, trigger: float = 0.0) -> Words:
+    """The words of M665 and M666 that state this machine, in the order of their lines."""
+    arms, endstops = np.array(machine.arm_length_mm), np.array(machine.endstops_mm)
+    # Marlin adjusts no endstop upwards.
+    height = float(endstops.min() if marlin else endstops.mean())
+    turned = np.subtract(machine.tower_angles_deg, USUAL_ANGLES_DEG)
+    words = {"L": [arms.mean()], "R": [machine.delta_radius_mm], "H": [height - trigger]}
+    words |= {} if marlin else {"B": [machine.bed_radius_mm]}
+    words |= {letter: [angle] for letter, angle in zip("XYZ", turned, strict=True)}
+    if marlin and not machine.equal_arms:
+        words |= {letter: [more] for letter, more in zip("ABC", arms - arms.mean(), strict=True)}
+    elif not machine.equal_arms:
+        words["L"] = arms.tolist()
+    adjusted = height - endstops if marlin else endstops - height
+    more = {f"M666{letter}": [by] for letter, by in zip("XYZ", adjusted, strict=True)}
+    return {f"M665{letter}": values for letter, values in words.items()} | more
+
+
+def _three(words: Words, code: str, usual: float = 0.0, letters: str = "XYZ") -> Floats:
+    return np.array([words.get(code + letter, [usual])[0] for letter in letters])
 
 
 def own_codes(document: FileText) -> PrinterFile | None:
@@ -174,25 +197,27 @@ def check_delta(measured: FileText) -> None:
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, with the probed heights as their mesh. Raises InputError."""
-    faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
+    faults, lines = Content(document), document.text.strip("\n").split("\n")
     head, values = [*lines[1:3], "", ""][:2]
-    names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
-    numbers = {}
-    for name, text in zip(names, values.split(","), strict=False):
-        if name == "spacing" or name[1:] in ("num", "min", "spacing"):
-            with faults.noting(3, name, text):
-                numbers[name] = within(text.strip(), -_FAR, _FAR)
+    names = (name.strip() for name in head.lower().split(","))
+    texts = dict(zip(names, values.split(","), strict=False))
+
+    def stated(name: str, axis: int) -> float:
+        """A number of the grid; 0 if it is wrong, which is noted."""
+        # Later versions number the axes; the first one had one spacing for both.
+        called = (f"{'xy'[axis]}{name}", f"{name}{axis}", name)
+        key = next((key for key in called if key in texts), None)
+        if key is None:
+            what = (
+                f"The second line of the map has no {called[0]!r}, or the third no number for it."
+            )
+            raise InputError(what, _AGAIN, file=document.path, line=2)
+        with faults.noting(3, key, texts[key]):
+            return within(texts[key].strip(), -_FAR, _FAR)
+        return 0.0
+
+    x, y = (stated("min", k) + stated("spacing", k) * np.arange(stated("num", k)) for k in (0, 1))
     faults.check()
-    spacing = numbers.get("spacing", 0.0)  # the first version had one for both
-    try:
-        x, y = (
-            numbers[f"{axis}min"]
-            + numbers.get(f"{axis}spacing", spacing) * np.arange(numbers[f"{axis}num"])
-            for axis in "xy"
-        )
-    except KeyError as error:
-        what = f"The second line of the map has no {error}, or the third no number for it."
-        raise InputError(what, _AGAIN, file=document.path, line=2) from error
     rows = {line: text.split(",") for line, text in enumerate(lines[3:], start=4)}
     heights = heights_in(faults, rows, (len(y), len(x)), _AGAIN, _UNPROBED)
     if not faults.problems and not np.isfinite(heights).any():
@@ -207,8 +232,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
 
 
 def _words(file: FileText) -> Words:
-    """Code and letter → numbers: {"M665L": (215.0,)}, by the last line that has it."""
-    faults, words = Faults(file.path), Words()
+    """What the last line says that has it."""
+    faults, words = Content(file), Words()
     for number, line in enumerate(file.text.split("\n"), start=1):
         for code, rest in _CODE.findall(line.split(";")[0].upper()):
             new = Words()
@@ -218,11 +243,11 @@ def _words(file: FileText) -> Words:
                 word = code + letter
                 low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
                 with faults.noting(number, f"{letter} of {code}", letter + text):
-                    new[word] = tuple(within(part, low) for part in text.split(":"))
+                    new[word] = [within(part, low) for part in text.split(":")]
                     if len(new[word]) not in ((1, 3) if word == "M665L" else (1,)):
                         remedy = "Write one, or L215:215:215."
                         raise InputError("The number of values is wrong.", remedy)
-            if new.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
+            if new.get("G31K", [0.0]) == [0.0]:  # of several probes the first
                 words |= new
     faults.check()
     return words
@@ -239,6 +264,10 @@ _ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
 _CALIBRATES = "G33 Auto Calibrate"
 _AT_RADIUS = re.compile(r"Checking\.\.\. AC at radius: ?([0-9.]+)")
 _SETTING = re.compile(r"\b(Height|Radius|[ET][xyz]): ?([-+]?[0-9.]+)")
+_PRINTED = {"Height": "M665H", "Radius": "M665R"}
+_PRINTED |= {
+    f"{e}{a}": code + a.upper() for e, code in (("E", "M666"), ("T", "M665")) for a in "xyz"
+}
 _RESULTS = re.compile(r"(?:^|[\s>:])\.\s+((?:c|yz) ?:.*)$")
 _RESULT = re.compile(r"\b(c|x|y|z|yz|zx|xy) ?: ?([-+]?[0-9.]+)")
 # Where G33 probes: at the towers x, y, z and opposite of them [deg].
@@ -255,13 +284,13 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     The radius of the bed is NaN where the settings before it do not have it. Raises
     InputError: everything that is wrong; no heights, or not their places.
     """
-    faults, offset = Faults(document.path), np.nan_to_num(settings.probe)
+    faults, offset = Content(document), np.nan_to_num(settings.probe)
     reach, remarks = settings.machine.bed_radius_mm - _MARGIN_MM, [*settings.remarks]
     changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
-    # Line, x, y and height of each touch; places of G33 are on a circle of radius 1.
+    # Line, x, y and height of each touch.
     circle, bed = list[Sequence[float]](), list[Sequence[float]]()
     grid = dict[int, list[str]]()  # line → heights
-    radius = math.nan  # of G33's circle [mm]
+    radius, printed_radius = reach, False  # of G33's circle [mm]
     calibrating = in_grid = False
     for number, line in enumerate(document.text.split("\n"), start=1):
         calibrating |= _CALIBRATES in line
@@ -276,17 +305,20 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
                 x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
                 bed.append((number, x - offset[0], y - offset[1], height))
             if calibrating and (match := _AT_RADIUS.search(line)):
-                radius = within(match[1], 0.0)
+                radius, printed_radius = within(match[1], 0.0), True
             if calibrating and (match := _RESULTS.search(line)):
                 for name, text in _RESULT.findall(match[1]):
-                    turn, away = math.radians(_TURNS.get(name, 0.0)), float(name != "c")
+                    turn, away = math.radians(_TURNS.get(name, 0.0)), radius * (name != "c")
                     at = away * math.cos(turn), away * math.sin(turn)
-                    circle = circle if away else []
+                    circle = [] if name == "c" else circle
                     circle.append((number, *at, within(text, -LARGEST_MM)))
-            elif calibrating and (found := _SETTING.findall(line)):
-                printed = {name: within(text, -LARGEST_MM) for name, text in found}
-                machine = _adjusted(changes[-1][1], printed, offset[2])
-                if machine is not changes[-1][1]:
+            elif calibrating and (printed := _SETTING.findall(line)):
+                before = changes[-1][1]
+                words = words_of(before, True, offset[2])
+                words |= {_PRINTED[name]: [within(text, -LARGEST_MM)] for name, text in printed}
+                machine = _stated(before, words, True, offset[2])
+                old, new = ((*m.active, *m.tower_angles_deg) for m in (before, machine))
+                if not np.allclose(old, new, rtol=0.0, atol=_ROUNDED):
                     changes.append((number, machine))
     faults.check()
     if math.isnan(settings.probe[2]):
@@ -302,11 +334,10 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         margin = {"reach_mm": reach, "margin_mm": _MARGIN_MM}
         remarks.append(Reason.of("marlin_reach", name=name, **margin))
 
-    def stored(name: str, touches: Sequence[Sequence[float]], radius: float = 1.0) -> Readings:
+    def stored(name: str, touches: Sequence[Sequence[float]]) -> Readings:
         """Touches with the settings of the last of them, counted from those at the end."""
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
         placed = np.array([touch for touch in touches if touch[0] > since])
-        placed *= (1.0, radius, radius, 1.0)
         mesh, (line, now) = stored_mesh(document.source, placed, offset[2]), changes[-1]
         if then is now:
             return mesh
@@ -322,11 +353,10 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
 
     data: dict[str, Readings] = {}
     if circle:
-        if math.isnan(radius):
+        if not printed_radius:
             needs_reach("G33")
-            radius = reach
         remarks.append(Reason.of("averaged_places"))
-        data["calibration"] = stored("G33", circle, radius)
+        data["calibration"] = stored("G33", circle)
     if grid and not bed:
         needs_reach("G29")
         bed = _places(faults, grid, reach, offset)
@@ -343,31 +373,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     )
 
 
-def _adjusted(machine: LinearDelta, printed: Mapping[str, float], trigger: float) -> LinearDelta:
-    """The machine with settings as G33 prints them, rounded, in one line or in two; the same one if
-    nothing has changed. Raises InputError."""
-    endstops = np.array(machine.endstops_mm)
-    if "Height" in printed:
-        below = zip("xyz", endstops.min() - endstops, strict=True)
-        adjusted = np.array([printed.get(f"E{axis}", known) for axis, known in below])
-        endstops = printed["Height"] + trigger - adjusted
-    usual = zip("xyz", USUAL_ANGLES_DEG, machine.tower_angles_deg, strict=True)
-    angles = [known if f"T{a}" not in printed else at + printed[f"T{a}"] for a, at, known in usual]
-    radius = printed.get("Radius", machine.delta_radius_mm)
-    if not (0.0 < radius < min(machine.arm_length_mm) and counter_clockwise(angles)):
-        remedy = "Check them, and the arms (M665 L)."
-        raise InputError("No delta can have these settings.", remedy)
-    known = (*machine.endstops_mm, machine.delta_radius_mm, *machine.tower_angles_deg)
-    if np.allclose((*endstops, radius, *angles), known, rtol=0.0, atol=_ROUNDED):
-        return machine
-    return machine.changed(
-        endstops_mm=Endstops(*endstops.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=tuple(angles),
-    )
-
-
-def _places(faults: Faults, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
+def _places(faults: Content, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
     """Line, x, y and height of the points of a grid within reach: Marlin makes up the others."""
     shape = len(grid), len(next(iter(grid.values())))
     heights = heights_in(faults, grid, shape, "Send M420 V again.", "=+")
@@ -394,22 +400,22 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     Raises InputError for what is no number, or if neither the text nor a bed.g in its
     folder has the places.
     """
-    text, path = document.text, document.path
-    faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
-    lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
-    reach = settings.machine.bed_radius_mm if lines else math.inf
+    text, faults = document.text, Content(document)
+    offset, remarks, reach = np.nan_to_num(settings.probe), settings.remarks, math.inf
+    lines = [(text.count("\n", 0, m.start()) + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
     if lines:
         remarks += (Reason.of("map_height_unknown"),)
+        reach = settings.machine.bed_radius_mm
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
-        line, heights = text[: match.start()].count("\n") + 1, match[1].split()
+        line, heights = text.count("\n", 0, match.start()) + 1, match[1].split()
         bed = document.beside("bed.g")
         listed = _PLACE.findall(text + (bed.text if bed else ""))
         places = {int(number): place for number, *place in listed}
         if not places.keys() >= set(range(len(heights))):
             what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
             remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
-            raise InputError(what, remedy, file=path, line=line)
+            raise InputError(what, remedy, file=document.path, line=line)
         lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
     rows = []
     for line, parts in lines:

@@ -26,9 +26,9 @@ from orthoglide_cal.files.readings import (
     differences_from_table,
     implausible_temperatures,
     readings_in,
+    session_from_tree,
 )
-from orthoglide_cal.files.rows import ReadingRow, Table
-from orthoglide_cal.files.session_file import session_from_tree
+from orthoglide_cal.files.rows import Table
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,
@@ -105,6 +105,7 @@ class Input:
     recorded: Model | None = None  # the machine as a session itself holds it; None for no session
     keeper: machine_file.StoredMachine | None = None  # where what was entered is recorded
     others: tuple["Input", ...] = ()  # the other measurements that the same file stores
+    machine_file: Path | None = None  # as the user gave it, for the commands to run next
 
     @property
     def is_session(self) -> bool:
@@ -246,7 +247,7 @@ def together(inputs: Sequence[Input]) -> Input:
     zero = np.zeros(len(machine.parameter_names))
     plan, value = machine.together(
         [(given.model.machine, given.measured) for given in inputs],
-        lambda now: differentiate(last.model, zero, now, ())[1],
+        lambda now: differentiate(last.model, zero, now)[1],
     )
     remarks = [
         Reason.of("other_settings", files=[given.name for given in pair], settings=names)
@@ -404,7 +405,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
             gauged = Orthoglide.require(judge.machine)
             if "difference" in columns:
                 return Input(differences_from_table(table, gauged), judge, Conditions())
-            readings = readings_in(table, gauged, remarks=table.check_header(ReadingRow))
+            readings = readings_in(table, gauged)
     except UsageError as error:
         what = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
         line = table.header_line

@@ -26,7 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, Faults, Place, Steps
+from orthoglide_cal.files.faults import Content, Place, Steps
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -81,8 +81,7 @@ _CALCULATING = "Calculating delta_calibrate with:"
 KLIPPY_LOG = re.compile(rf"^({_CONFIG.pattern}|{_CALCULATING}\s*)$", re.MULTILINE)
 _ENDS = re.compile("={10,}")
 _LOGGED = re.compile(r"(manual_)?height[0-9]+\s*[:=]")
-_STEPS = r"\(([^,()]+, [^,()]+, [^,()]+)\)"
-_HEIGHT, _DISTANCE = rf"\(([^,()]+), {_STEPS}\)", rf"\(([^,()]+), {_STEPS}, {_STEPS}\)"
+_STEPS = r", \(([^,()]+, [^,()]+, [^,()]+)\)"
 # A nozzle that touches the bed itself stands this low when it does.
 _LEVEL_MM = 0.5
 PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(\S+)")
@@ -168,32 +167,26 @@ class Settings(Content):
         self.add("The option is missing.", remedy, line=line or there, column=column)
 
     def read(
-        self,
-        section: str,
-        option: str,
-        rule: Callable[[str], T],
-        fault: T,
-        default: T | None = None,
-    ) -> T:
-        """Value that a rule makes of an option; `fault` where that raises InputError.
+        self, section: str, option: str, rule: Callable[[str], T], default: T | float | None = None
+    ) -> T | float:
+        """Value that a rule makes of an option; NaN if it is wrong: the rule raises InputError.
 
         The default is for one that is not there; None if it must be.
         """
-        entry = self.options[section].get(option)
-        if entry is None:
-            if default is not None:
-                return default
+        if entry := self.options[section].get(option):
+            with self.noting(*self.place((section, option))):
+                return rule(entry[1])
+        elif default is None:
             self.missing(section, option)
-            return fault
-        with self.noting(*self.place((section, option))):
-            return rule(entry[1])
-        return fault
+        else:
+            return default
+        return math.nan
 
     def number(
         self, section: str, option: str, default: float | None = None, low: float = -LARGEST_MM
     ) -> float:
         """A number above `low`; NaN if it is wrong."""
-        return self.read(section, option, lambda text: within(text, low), math.nan, default)
+        return self.read(section, option, lambda text: within(text, low), default)
 
 
 def read_printer_file(
@@ -230,9 +223,9 @@ def read_printer_file(
     reckoned = _calibration(settings, home, step)
     mesh = _mesh(settings, sensor, probe)
     settings.check()
-    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius)
+    settled = delta_of(document, print_radius).having(arms, radius, np.array(angles), endstops)
     scanning = _SCANNING.fullmatch(sensor) is not None
-    machine = machine.changed(probe=machine.probe.changed(scanning=scanning))
+    machine = settled.changed(probe=settled.probe.changed(scanning=scanning))
     both = {"calibration": _reached(document.source, machine, reckoned), "mesh": mesh}
     data = {name: readings for name, readings in both.items() if readings is not None}
     remarks, steps = tuple(settings.remarks), " ".join(stored)
@@ -277,23 +270,23 @@ def read_klippy_log(document: FileText) -> PrinterFile:
 def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, Entry]:
     """Heights and distances that a calibration reckoned with, as [delta_calibrate] stores them."""
     stored = {}
-    for number, name, entry in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
+    for number, name in ((at + 1, "height"), (at + 2, _DISTANCES)):
         text = lines[number].strip() if number < len(lines) else ""
+        entry = rf"\(([^,()]+){len(_POSITIONS[name]) * _STEPS}\)"
         if not re.fullmatch(rf"\[(?:{entry}(?:, |(?=\])))*\]", text):
             what = f"This is not a list of {name}s with stepper positions."
             remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
             line, value = number + 1, text or None
             raise InputError(what, remedy, file=document.path, line=line, value=value)
         for index, parts in enumerate(re.findall(entry, text)):
-            ends = ("", "_pos") if len(parts) == 2 else ("", "_pos1", "_pos2")
-            for end, part in zip(ends, parts, strict=True):
+            for end, part in zip(("", *_POSITIONS[name]), parts, strict=True):
                 stored[f"{name}{index}{end}"] = number + 1, part
     return stored
 
 
 def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and the touches that Klipper printed as their mesh. Raises InputError."""
-    faults, rows = Faults(document.path), []
+    faults, rows = Content(document), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
             with faults.noting(number, value=match[0]):
@@ -344,9 +337,9 @@ def _step(settings: Settings, tower: str) -> float:
     if turn not in options and old in options:
         return settings.number(tower, old, low=0.0)
     way = settings.number(tower, turn, low=0.0)
-    steps = settings.read(tower, "full_steps_per_rotation", _count, 0, 200)
-    steps *= settings.read(tower, "microsteps", _count, 0)
-    return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
+    steps = settings.read(tower, "full_steps_per_rotation", _count, 200)
+    steps *= settings.read(tower, "microsteps", _count)
+    return way / (steps * settings.read(tower, "gear_ratio", _gears, 1.0))
 
 
 def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
@@ -362,7 +355,7 @@ def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
         if match and match[3] in ("", *_POSITIONS[match[1]]):
             key = [*_POSITIONS].index(match[1]), int(match[2]), match[1]
             starts.setdefault(key, line)
-    rows, nothing = [], [math.nan] * len(_TOWERS)
+    rows = []
     for (_, number, name), line in sorted(starts.items()):
         stem, low = f"{name}{number}", 0.0 if name == _DISTANCES else -LARGEST_MM
         value = settings.number(_CALIBRATION, stem, math.nan, low)
@@ -374,7 +367,7 @@ def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
                 what = f"{stem} has no stepper positions: {stem}{end} is missing."
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
                 settings.note((_CALIBRATION, stem), what, remedy)
-            counts = settings.read(_CALIBRATION, stem + end, _three, nothing, nothing)
+            counts = settings.read(_CALIBRATION, stem + end, _three, math.nan)
             ends.append(home - np.array(counts) * step)
         rows.append((*ends[0], *ends[-1], value, line, name != _DISTANCES))
     return np.reshape(rows, (-1, 9))
@@ -444,10 +437,10 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
 def _grid(settings: Settings, section: str, axis: str) -> Floats:
     """The places of a mesh along one axis [mm]; empty if they cannot be read."""
     low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
-    count = settings.read(section, f"{axis}_count", _count, 0)
+    count = settings.read(section, f"{axis}_count", _count)
     if low >= high:
         settings.note((section, f"max_{axis}"), "The mesh ends before it begins.", _AGAIN)
-    return np.linspace(low, high, count)
+    return np.linspace(low, high, int(np.nan_to_num(count)))
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:

@@ -236,10 +236,7 @@ def shipped_folder() -> Path:
 
 def machine_in(tree: Content, path: Steps) -> Model | None:
     """The machine that a group of keys describes; None after noting what is wrong with it."""
-    value = tree.value
-    for step in path:
-        value = value.get(step)
-    before = len(tree.problems)
+    value, before = tree.at(path), len(tree.problems)
     if not isinstance(value, dict):
         missing = "The key is missing.", "Add a line `machine: …`."
         tree.note(path, *(WORDS["model_type"] if path[-1] in tree.value else missing))

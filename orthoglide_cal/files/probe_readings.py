@@ -11,7 +11,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
@@ -38,7 +38,7 @@ Texts = Mapping[int, Sequence[str]]  # line → cells of a row
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     """The touches of a CSV. Raises InputError with everything that is wrong."""
-    remarks = table.check_header(ProbeRow)
+    table.check_header(ProbeRow)
     table.check()
     if table.rows and not any("reading_mm" in cells for cells in table.rows):
         # The empty cells are no faults of their own.
@@ -56,7 +56,7 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
             what = f"The place is {apart:.0f} mm from the middle of the bed."
             remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
             checking.note(index, "x_mm", what, remedy)
-    rows = checking.checked()
+    rows, remarks = checking.checked(), [*checking.remarks]
     in_time, minutes, timed = times_of(rows)
     if not timed and rows[0].minutes is not None:
         remarks.append(Reason.of("equal_minutes"))
@@ -111,7 +111,7 @@ def stored_mesh(
 
 
 def heights_in(
-    faults: Faults, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
+    faults: Content, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
 ) -> Floats:
     """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
 
@@ -174,19 +174,17 @@ class PrinterFile(ReadOnly):
         return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
 
-def delta_of(
-    document: FileText, arms: Floats, radius: float, angles: Floats, endstops: Floats, bed: float
-) -> LinearDelta:
-    """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
+def delta_of(document: FileText, bed: float) -> LinearDelta:
+    """A machine with the name of its file, and what is usual where no firmware states it.
 
-    It has the name of its file; what a file says is checked by whoever reads it.
+    It has no size yet; what a file says is checked by whoever reads it.
     """
     return LinearDelta.model_construct(
         name=PurePath(document.path).name,
-        arm_length_mm=tuple(arms.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=tuple(angles.tolist()),
-        endstops_mm=Endstops(*endstops.tolist()),
+        arm_length_mm=(0.0, 0.0, 0.0),
+        delta_radius_mm=0.0,
+        tower_angles_deg=USUAL_ANGLES_DEG,
+        endstops_mm=Endstops(0.0, 0.0, 0.0),
         bed_radius_mm=bed,
         probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
     )

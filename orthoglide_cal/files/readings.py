@@ -1,4 +1,5 @@
-"""Rows of readings to columns of arrays, and back to rows; and files of differences."""
+"""Readings and sessions (`orthocal guide files`): rows to columns of arrays, and back to rows; and
+files of differences."""
 
 import math
 import re
@@ -6,12 +7,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
+from typing import Annotated
 
 import numpy as np
-from pydantic import AliasChoices, ConfigDict, Field
+from pydantic import AliasChoices, ConfigDict, Field, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, Steps
+from orthoglide_cal.files import machine_file
+from orthoglide_cal.files.faults import Content, Steps, unused
 from orthoglide_cal.files.rows import (
     DIFFERENCE_NAMES,
     KIND_WORDS,
@@ -26,12 +29,14 @@ from orthoglide_cal.files.rows import (
     times_of,
 )
 from orthoglide_cal.files.text import csv_text, number_text
+from orthoglide_cal.files.yaml_tree import yaml_text
 from orthoglide_cal.model.machine import Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
-from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
+from orthoglide_cal.schema import Moment, Positive, Reason, Schema, Version, parse_number
 
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
@@ -61,17 +66,19 @@ class GaugeIdentity(OwnGauge):
 class Circumstances(Schema):
     """Frame of the readings of a session; None or empty where not given, never invented."""
 
+    schema_version: Version = 1
     protocol: str | None = None  # as `measure` was told
     operator: str | None = None
     gauges: tuple[GaugeIdentity, ...] = ()  # that were used
     started: Moment | None = None  # ISO 8601
     finished: Moment | None = None
+    environment: Mapping[str, str | None] = {}  # name → what is said of it
 
 
 class Conditions(Circumstances):
     """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
 
-    environment: tuple[tuple[str, str], ...] = ()  # name, and what is said of it
+    environment: Mapping[str, str] = {}
     temperature_c: tuple[float, ...] = ()  # of the thermometer, in the order of time
     retaken: int = 0  # number of readings that were replaced
     skipped: int = 0  # number of steps that were left out
@@ -90,7 +97,7 @@ class Conditions(Circumstances):
         def stated(end: int, *names: str) -> float | None:
             for name in names:
                 with suppress(InputError):
-                    return parse_number(dict(self.environment).get(name, ""))
+                    return parse_number(self.environment.get(name, ""))
             return self.temperature_c[end] if self.temperature_c else None
 
         return stated(0, "temperature_start_c", "temperature_c"), stated(-1, "temperature_end_c")
@@ -129,7 +136,8 @@ def readings_in(
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
     readings = readings_of(checked, machine, rows.source, lines)
-    return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
+    found = _remarks(readings, rows.cells, machine)
+    return replace(readings, remarks=(*remarks, *rows.remarks, *found))
 
 
 def readings_of(
@@ -304,8 +312,8 @@ def _remarks(
 
 def differences_from_table(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
-    remarks = table.check_header(DifferenceRow)
     rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
+    remarks = [*rows.remarks]
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
     known = {difference.name: difference for difference in DIFFERENCES[kind]}
@@ -339,3 +347,104 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             rows.note(index, "difference", what, remedy)
         first.setdefault(name, rows.line(index))
     return kind
+
+
+# --- sessions -----------------------------------------------------------------------------------
+
+_ROWS = ("readings", "retaken", "skipped")
+
+
+class Session(Circumstances):
+    """A session as its file holds it; keys that are unknown are kept out of it, and reported."""
+
+    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
+    protocol: str | None = ""
+    readings: tuple[ReadingRow, ...] = ()  # that count
+    retaken: tuple[ReadingRow, ...] = ()  # that were replaced
+    skipped: tuple[ReadingRow, ...] = ()  # steps that were left out
+
+
+def session_from_tree(
+    tree: Content, model: Model | None
+) -> tuple[Readings, Model, Conditions, Model | None]:
+    """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
+
+    Without a model they are judged by the machine in the session itself. Which offsets were active
+    in the controller is always the session's to say. Raises InputError: everything that is
+    wrong with it, each with line and path; or it is no session.
+    """
+    if not isinstance(tree.value, dict) or "readings" not in tree.value:
+        if machine_file.is_machine_file(tree):
+            what = "This is a machine file; it holds no readings."
+            remedy = "Give it with --machine, and a file of readings as the input."
+            raise InputError(what, remedy, file=tree.file)
+        what = "This is neither a table of readings or differences nor a session."
+        header = "leg, posture, direction, reading_mm or difference, value_mm"
+        remedy = f"A CSV has a header with {header}; a session has `readings:`."
+        raise InputError(what, remedy, file=tree.file, line=1)
+    if model and not model.machine.vocabulary.measure:
+        none = f"a machine of kind {model.machine.kind} has none."
+        what = f"The session was read with gauges; {none}"
+        raise InputError(what, "Leave --machine out.", file=tree.file)
+    recorded = machine_file.machine_in(tree, ("machine",))
+    replaced = Rows(tree, ReadingRow, ("retaken",))
+    skipped = Rows(tree, ReadingRow, ("skipped",), wanted=False)
+    stated = ((key, tree.value.get(key)) for key in Circumstances.model_fields)
+    frame = Circumstances()
+    try:
+        frame = Circumstances.model_validate({key: value for key, value in stated if value})
+    except ValidationError as error:
+        tree.take(error, Circumstances)
+    judge = model or recorded
+    if judge is None:
+        raise tree.error()
+    if model and recorded:
+        held, asked = recorded.machine, model.machine
+        if (held.active, held.corrected) != (asked.active, asked.corrected):
+            judge = model.holding(held.active, held.corrected)
+    keys = Session.model_fields
+    remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
+    if recorded and (names := machine_file.differing(recorded, judge)):
+        machines = {"recorded": recorded.machine.name, "given": judge.machine.name}
+        remarks.insert(0, Reason.of("other_machine", **machines, keys=names))
+    # The readings pass the same checks as those of a CSV; faults around them are raised with
+    # theirs.
+    start = frame.started
+    readings = readings_in(tree, judge.machine, ("readings",), started=start, remarks=remarks)
+    conditions, labels = conditions_in(readings), {gauge.id for gauge in frame.gauges}
+    others = (gauge for gauge in conditions.gauges if gauge.id not in labels)
+    environment = {name: text for name, text in frame.environment.items() if text}
+    origins = (environment.get(name, "") for name in ("readings_from", "source"))
+    if any(origin.startswith("simulated") for origin in origins):
+        readings = replace(readings, source=replace(readings.source, simulated=True))
+    counts = {"retaken": len(replaced.cells), "skipped": len(skipped.cells)}
+    gauges = *frame.gauges, *others
+    given = dict(frame) | counts | {"gauges": gauges, "environment": environment}
+    conditions = conditions.changed(**given)
+    return readings, judge, conditions, recorded
+
+
+def session_json(session: Session) -> dict[str, object]:
+    """A whole session as a JSON object; saved as a .json file it reads back as a session."""
+    rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
+    content = session.model_dump(by_alias=True, exclude=set(_ROWS))
+    for gauge in content["gauges"]:
+        for name in ("due", "expanded_mm"):
+            if not gauge[name]:
+                del gauge[name]
+    return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
+
+
+def session_text(session: Session) -> str:
+    """The session file's text; one line for each reading."""
+    return yaml_text(session_json(session))
+
+
+def session_of_readings(
+    readings: Readings, model: Model, environment: Mapping[str, str]
+) -> Session:
+    """The session that holds these readings of this machine, in the order of time."""
+    rows, plan = reading_rows(readings), readings.plan
+    protocol = "double-posture" if plan.fixed else "single-posture"
+    ordered = tuple(rows[index] for index in plan.in_time.tolist())
+    return Session(machine=model, protocol=protocol, environment=environment, readings=ordered)

@@ -38,7 +38,6 @@ from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import (
     Count,
     Moment,
-    Reason,
     Schema,
     parse_number,
     whole_number,
@@ -148,9 +147,10 @@ class Row(Schema):
     only_in_sessions: ClassVar[Sequence[str]] = ()
 
     @classmethod
-    def columns(cls) -> tuple[str, ...]:
-        """The columns that a table may have."""
-        names = (name for name in cls.model_fields if name not in cls.only_in_sessions)
+    def columns(cls, of_table: bool = True) -> tuple[str, ...]:
+        """The columns that a table may have, or a row of a session."""
+        unread = cls.only_in_sessions if of_table else ()
+        names = (name for name in cls.model_fields if name not in unread)
         return (*names, *([cls.inches] if cls.inches else []))
 
     def cells(self) -> dict[str, object]:
@@ -363,15 +363,12 @@ class Table(Content):
         column = str(path[1]) if len(path) > 1 else ""
         return self.lines[path[:1]], column or None, cells.get(column)
 
-    def check_header(self, schema: type[Row]) -> list[Reason]:
-        """A remark on the columns without a meaning, if there are any.
-
-        Raises what is found so far if the header lacks one of the columns that rows of a schema
-        need, or gives lengths twice.
-        """
+    def check_header(self, schema: type[Row]) -> None:
+        """Raise what is found so far if the header lacks one of the columns that rows of a schema
+        need, or gives lengths twice."""
         before, present = len(self.problems), [name for name in self.columns if name]
-        known, inches, last = schema.columns(), schema.inches, [*schema.needed][-1]
-        others = [name for name in present if name not in known]
+        inches, last = schema.inches, [*schema.needed][-1]
+        others = [name for name in present if name not in schema.columns()]
         for name in schema.needed:
             if name in present or (name == last and inches in present):
                 continue
@@ -389,7 +386,6 @@ class Table(Content):
         if len(self.problems) > before:
             raise self.error()
         self._check_split_numbers()
-        return unused("Columns", others, known)
 
     def _check_split_numbers(self) -> None:
         """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.
@@ -450,11 +446,11 @@ class Rows(Generic[R]):
         self.in_inches = ""  # the column that the row being read gives in inches
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
-        unread = schema.only_in_sessions if content.of_table else ()
+        known = schema.columns(content.of_table)
         words = {f"missing {name}": (_MISSING, remedy) for name, remedy in schema.needed.items()}
-        entries = content.value
-        for step in path:
-            entries = entries.get(step)
+        if isinstance(content, Table):
+            content.check_header(schema)
+        entries = content.at(path)
         if entries is not None and not isinstance(entries, list):
             content.note(path, *WORDS["list_type"])
         for index, entry in enumerate(entries if isinstance(entries, list) else ()):
@@ -465,17 +461,21 @@ class Rows(Generic[R]):
             self.rows.append(None)
             inches = schema.inches and schema.inches in cells  # a column may have no name
             self.in_inches = [*schema.needed][-1] if inches else ""
+            given = {name: text for name, text in cells.items() if name in known}
             try:
-                given = {name: text for name, text in cells.items() if name not in unread}
-                given = given if isinstance(entry, dict) else entry
-                self.rows[index] = schema.model_validate(given, context=self)
+                self.rows[index] = schema.model_validate(
+                    given if isinstance(entry, dict) else entry, context=self
+                )
             except ValidationError as error:
                 content.take(error, schema, (*path, index), words)
             if self.in_inches and self.in_inches in cells:
                 self.note(index, schema.inches, "The row has two readings.", _READING)
-            for name, text in cells.items():
-                if not isinstance(text, str) and name not in schema.model_fields:
+            for name in cells.keys() - given.keys():
+                if not isinstance(cells[name], str):
                     self.note(index, name, *WORDS["string_type"])
+        # On the columns without a meaning, if there are any.
+        columns = dict.fromkeys(name for cells in self.cells for name in cells if name not in known)
+        self.remarks = unused("Columns", columns, known)
 
     def line(self, index: int) -> int:
         """The line at which a row begins."""

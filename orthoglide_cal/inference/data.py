@@ -33,21 +33,12 @@ from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.methods import LeastSquaresFit
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
+from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
 from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate_absent
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import (
-    Bools,
-    Contrasts,
-    Floats,
-    Ints,
-    Plan,
-    ReadOnly,
-    Reduction,
-    read_only,
-    zero_free,
-)
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly, read_only
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.
 UNKNOWN_PACE = 3.0
@@ -216,10 +207,7 @@ class Whitened(ReadOnly):
         if self.root is not None:
             return np.asarray(self.root @ residual)
         plain = self.matrix.T @ residual
-        if self.texture is None:
-            return np.asarray(plain)
-        precision = self.plan.precision
-        return unexplained(self.plan.zeros / precision[:, None], plain / precision**2)
+        return np.asarray(plain if self.texture is None else plain / self.plan.precision**2)
 
     @property
     def weight(self) -> Floats:

@@ -22,15 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.model.plan import (
-    Contrasts,
-    Floats,
-    Ints,
-    Patterns,
-    ReadOnly,
-    Reduction,
-    read_only,
-)
+from orthoglide_cal.model.contrasts import Contrasts, Reduction
+from orthoglide_cal.model.plan import Floats, Ints, Patterns, ReadOnly, read_only
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.10

@@ -34,9 +34,10 @@ from orthoglide_cal.inference.hypothesis import (
     pattern_densities,
 )
 from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.contrasts import Contrasts
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
 from orthoglide_cal.model.model import differentiate, simulate
-from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)

@@ -23,9 +23,10 @@ from orthoglide_cal.estimation.methods import fit_offsets
 from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
 from orthoglide_cal.inference.decision import MISFIT
 from orthoglide_cal.inference.fit import ENOUGH, Fit, HeldOut, left_out
+from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined, without_zeros
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined
 from orthoglide_cal.schema import Reason
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -275,7 +276,7 @@ def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Fl
     plan = white.plan
     if offsets is None:
         offsets = fit_offsets(white.problem, white.data).offsets_mm
-    readings, jacobian = differentiate(white.problem.model, offsets, plan, ())
+    readings, jacobian = differentiate(white.problem.model, offsets, plan)
     left = white.plain(white.data) / plan.precision - readings
     touch = plan.touches
     return plan.spots[touch, :2], left[touch], jacobian[touch], plan.date[touch]

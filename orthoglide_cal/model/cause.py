@@ -232,6 +232,11 @@ class Cause:
         """The effect of parameters `theta`, shape (..., p) in internal units."""
         return Effect(self, np.asarray(theta), place)
 
+    @property
+    def absent(self) -> Effect:
+        """The effect of parameters that are zero."""
+        return self.at(np.zeros(self.unknowns))
+
     def estimated(self, estimates: Mapping[str, Estimate], correlation: Floats) -> Effect:
         """The effect of estimated parameters by name, in the unit; the others are zero and sure.
 
@@ -269,20 +274,16 @@ class Cause:
     def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
         """Joint corrections, moving + and moving -, that cancel it, shape (2, n, 3) [mm].
 
-        At ascending joint positions (n,) of each carriage, for one that acts by joint; `home` is
-        the joint position from which travel counts. Found from one sweep up and down.
+        At joint positions (n,) of each carriage, for a cause that acts by joint; `home` is
+        the joint position from which travel counts.
         """
-        up = np.array([joints[0] - 1.0, *joints])
-        down = np.array([joints[-1] + 1.0, *joints[::-1]])
-        wanted = np.repeat(np.concatenate([up, down])[:, None], 3, axis=1)
-        sent = wanted
+        wanted = np.tile(joints[:, None], (2, 3))
+        sent, nothing = wanted, np.zeros_like(wanted)
+        approach = np.repeat([1.0, -1.0], len(joints))[:, None] + nothing
         for _ in range(3):  # a correction acts on what it moves, too
-            nothing = np.zeros_like(sent)
-            rows = np.arange(len(sent))
-            command = Command(sent, home, nothing[:, 0], rows, nothing, along=wanted)
+            command = Command(sent, home, nothing[:, 0], nothing, approach)
             sent = sent + wanted - self.motion(sent, theta, command)
-        added, n = sent - wanted, len(joints)
-        return np.stack([added[1 : n + 1], added[: n + 1 : -1]])
+        return (sent - wanted).reshape(2, -1, 3)
 
     def contact(
         self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine, where: Numbers
@@ -364,12 +365,11 @@ class Effect(ReadOnly):
         """`Cause.transferred` of this effect."""
         return replace(self, theta=self.cause.transferred(self.theta, before, after))
 
-    def moved(self) -> tuple[Effect, ...]:
-        """This effect, moved by one standard deviation along each independent uncertainty."""
+    @property
+    def spread(self) -> Floats:
+        """One standard deviation of theta (p,) along each independent uncertainty, (u, p)."""
         if self.covariance is None:
-            return ()
+            return np.zeros((0, self.theta.size))
         size2, directions = np.linalg.eigh(self.covariance)
-        spread = (directions * np.sqrt(np.maximum(size2, 0.0))).T
-        return tuple(
-            Effect(self.cause, self.theta + step, self.place) for step in spread if np.any(step)
-        )
+        steps = (directions * np.sqrt(np.maximum(size2, 0.0))).T
+        return np.asarray(steps[steps.any(axis=1)])

@@ -100,13 +100,21 @@ class Gauge(Instrument):
         return {name: Reason.of(f"gauge_{name}", **values) for name in wrong if wrong[name]}
 
     def mistaken_unit(self, measured: Measured) -> float | None:
-        """Differences do not show it."""
-        return _other_unit(measured, self) if isinstance(measured, Readings) else None
+        """Differences do not show it, nor do readings in no unit that is usual."""
+        if not isinstance(measured, Readings) or _ordinary(measured, 1.0, self):
+            return None
+        for unit in UNITS:
+            between = off_scale(measured.value * unit, self.resolution_mm)
+            # The divisions of an inch gauge are not those of the machine file.
+            on_scale = unit == MM_PER_INCH or not np.any(between)
+            if on_scale and _ordinary(measured, unit, self):
+                return unit
+        return None
 
 
 def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
     """Repeats that differ too little, decimals that it does not show, travel that it has not."""
-    if unit := _other_unit(readings, gauge):
+    if unit := gauge.mistaken_unit(readings):
         # Where another unit makes all of it ordinary, the rest need not be said.
         mistake, remedy = UNITS[unit]
         yield Reason.of("other_unit", mistake=mistake, remedy=remedy)
@@ -245,25 +253,7 @@ def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Reason]:
 # --- units ------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=4)
-def _other_unit(readings: Readings, gauge: Gauge) -> float | None:
-    """The unit in which readings that cannot be in mm are what this gauge shows [mm].
-
-    None if they are in mm, or in no unit.
-    """
-    if _ordinary(readings, 1.0, gauge):
-        return None
-    for unit in UNITS:
-        # The divisions of an inch gauge are not those of the machine file.
-        on_scale = unit == MM_PER_INCH or not np.any(
-            off_scale(readings.value * unit, gauge.resolution_mm)
-        )
-        if on_scale and _ordinary(readings, unit, gauge):
-            return unit
-    return None
-
-
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _ordinary(readings: Readings, unit_mm: float, gauge: Gauge) -> bool:
     """True if readings in this unit [mm] repeat and range as of this gauge; not if none repeat."""
     value, plan = readings.value * unit_mm, readings.plan

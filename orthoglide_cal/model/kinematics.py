@@ -68,36 +68,30 @@ class Command(ReadOnly):
     joints: Floats  # indicated joint positions ρ, shape (n, 3) [mm]
     home: float  # joint position from which travel counts [mm]
     hours: Floats  # since the session began, shape (n,) [h]
-    # Indices from first to last of those that follow each other, shape (m,); None for carriages
-    # without a past.
-    in_time: Ints | None
     entered: Floats  # offsets entered in the controller since the first of them, (n, 3) [mm]
-    along: Floats | None = None  # joints between which they travelled, (n, 3) [mm]; None for `sent`
+    approach: Floats  # sign of each carriage's last motion, (n, 3); 0 before its first
 
     @cached_property
     def sent(self) -> Floats:
         """Where the joints would indicate to be had nothing been entered, shape (n, 3) [mm]."""
         return read_only(self.joints - self.entered)
 
-    @cached_property
-    def approach(self) -> Floats:
-        """Sign of each carriage's last motion, shape (n, 3); 0 before its first, or without."""
-        if self.in_time is None:
-            return read_only(np.zeros_like(self.joints))
-        along = self.sent if self.along is None else self.along
-        approach, moves = np.zeros_like(self.joints), np.zeros((len(self.in_time), 3))
-        moves[1:] = np.sign(np.diff(along[self.in_time], axis=0))
-        moments = np.arange(len(moves))[:, None]
-        last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
-        approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
-        return read_only(approach)
+
+def approach_of(joints: Floats, in_time: Ints) -> Floats:
+    """`Command.approach` on the way along joints (n, 3), by their indices from first to last."""
+    approach, moves = np.zeros_like(joints), np.zeros((len(in_time), 3))
+    moves[1:] = np.sign(np.diff(joints[in_time], axis=0))
+    moments = np.arange(len(moves))[:, None]
+    last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
+    approach[in_time] = np.take_along_axis(moves, last, axis=0)
+    return approach
 
 
 # What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
 # touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
-# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and the derivative by the
-# parameters, shape (..., n, p), None where it was not computed.
-GaugeResponse = tuple[Numbers, Numbers, Floats | None]
+# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and what works out the
+# derivative by the parameters, shape (..., n, p), None where it is not known in closed form.
+GaugeResponse = tuple[Numbers, Numbers, Callable[[], Floats] | None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
     RealMachine,
+    approach_of,
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
@@ -315,7 +316,7 @@ class PlannedTouch(NamedTuple):
         return touching(place, nothing)
 
     @property
-    def stand(self) -> tuple[()]:
+    def place(self) -> tuple[()]:
         """Nothing: no gauge is set up."""
         return ()
 
@@ -486,21 +487,31 @@ class LinearDelta(Machine):
         """Heights of the carriages at their endstops, shape (3,) [mm]."""
         return np.asarray(self.endstops_mm + self._above(self.delta_radius_mm))
 
+    @property
+    def equal_arms(self) -> bool:
+        """True if one length is enough for the arms."""
+        return float(np.ptp(np.round(self.arm_length_mm, self.decimals))) == 0.0
+
+    def having(self, arms: Floats, radius: float, angles: Floats, endstops: Floats) -> Self:
+        """With these settings in force [mm, deg]; arrays are of shape (3,)."""
+        return self.changed(
+            arm_length_mm=tuple(arms.tolist()),
+            delta_radius_mm=radius,
+            tower_angles_deg=tuple(angles.tolist()),
+            endstops_mm=Endstops(*endstops.tolist()),
+        )
+
     def command(self, plan: ProbePlan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
         rails = self.nominal_rails
         places = np.concatenate((plan.place, plan.other))
         # On the way from place to place the height does not depend on what is touched.
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
-        return Command(
-            rails.joints_for(places),
-            self.home_mm,
-            np.tile(plan.hours, 2),
-            # From touch to touch; a printed object was approached from all sides.
-            in_time=plan.in_time[~plan.distance[plan.in_time]],
-            entered=np.zeros(places.shape),
-            along=rails.joints_for(level),
-        )
+        # From touch to touch; a printed object was approached from all sides.
+        touches = plan.in_time[~plan.distance[plan.in_time]]
+        approach = approach_of(rails.joints_for(level), touches)
+        hours, nothing = np.tile(plan.hours, 2), np.zeros(places.shape)
+        return Command(rails.joints_for(places), self.home_mm, hours, nothing, approach)
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
         """Rails, and offsets of the carriages, with other values of what is calibrated.
@@ -574,12 +585,7 @@ class LinearDelta(Machine):
             )
 
     def sensed(
-        self,
-        real: RealMachine,
-        parameters: Numbers,
-        plan: ProbePlan,
-        strict: bool,
-        derivative: bool,
+        self, real: RealMachine, parameters: Numbers, plan: ProbePlan, strict: bool
     ) -> GaugeResponse:
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)

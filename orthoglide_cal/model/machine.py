@@ -20,9 +20,10 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
+from orthoglide_cal.model.contrasts import Reduction
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
+from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
 
@@ -519,10 +520,9 @@ class Machine(Schema):
 
     @abstractmethod
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
+        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool
     ) -> GaugeResponse:
-        """Positions of gauges or probes, and their derivative where it is asked for and known in
-        closed form; arguments and errors as of `simulate`."""
+        """Positions of gauges or probes; arguments and errors as of `simulate`."""
 
     @abstractmethod
     def reading_words(self, plan: AnyPlan, index: int) -> str:

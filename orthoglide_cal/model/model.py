@@ -11,7 +11,7 @@ Predicted readings are those of gauges whose zero is the frame's origin; each re
 its own unknown zero, which the estimation removes.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -143,30 +143,24 @@ def synthetic_session(
     return machine.synthetic(plan, predict, rng, gauge or machine.instrument)
 
 
-def simulate_with_jacobian(
-    model: Model, offsets: Floats, plan: Plan, strict: bool = True
-) -> tuple[Floats, Floats]:
-    """`simulate`, and its exact derivative by the offsets: (..., n) [mm] and (..., n, 3).
-
-    In closed form where the offsets alone move the carriages, otherwise by complex steps. Unless
-    it is `strict`, the readings of what is unreachable are NaN.
-    """
-    point = np.asarray(offsets, dtype=np.float64)
-    readings, jacobian = _simulate(model, point, plan, strict, derivative=True)
-    if jacobian is None:
-        jacobian = differentiate(model, point, plan, (), strict)[1]
-    return readings, jacobian
-
-
 def differentiate(
-    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect], strict: bool = True
+    model: Model,
+    offsets: Floats,
+    plan: Plan,
+    effects: Sequence[Effect] = (),
+    strict: bool = True,
 ) -> tuple[Floats, Floats]:
-    """Readings (..., n) [mm], and their derivatives by offsets and parameters, (..., n, q).
+    """Readings (..., n) [mm], and their exact derivatives by offsets and parameters, (..., n, q).
 
     At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
-    ones than those of the model. One simulation of many machines: the point, then a complex step
-    in each unknown in turn. `strict` as of `simulate_with_jacobian`.
+    ones than those of the model. In closed form where the offsets alone move the carriages and no
+    others are asked for. Else in one simulation of many machines: the point, then a complex step in
+    each unknown in turn. Unless it is `strict`, the readings of what is unreachable are NaN.
     """
+    if not effects:
+        readings, jacobian = _simulate(model, offsets, plan, strict)
+        if jacobian is not None:
+            return readings, jacobian()
     ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
     many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
     batch = max(values.ndim for values in many) - 1
@@ -196,8 +190,7 @@ def differentiate_absent(
     At offsets Δρ (..., 3) [mm]: the derivatives by these, (..., n, 3), then those by the p
     parameters of each cause, (..., n, p).
     """
-    absent = [cause.at(np.zeros(cause.unknowns)) for cause in causes]
-    readings, slopes = differentiate(model, offsets, plan, absent)
+    readings, slopes = differentiate(model, offsets, plan, [cause.absent for cause in causes])
     ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in causes)])
     return readings, np.split(slopes, ends[:-1], axis=-1)
 
@@ -211,23 +204,21 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
     accepted, before = model.accepted, simulate(model, offsets, plan)
     changes = []
     for k, effect in enumerate(accepted):
-        moved = (
-            replace(model, accepted=(*accepted[:k], other, *accepted[k + 1 :]))
-            for other in effect.moved()
-        )
-        columns = [(simulate(other, offsets, plan) - before)[..., None] for other in moved]
-        changes.append(np.concatenate([np.zeros((*before.shape, 0)), *columns], axis=-1))
+        theta = effect.theta + np.expand_dims(effect.spread, tuple(range(1, offsets.ndim)))
+        moved = (*accepted[:k], replace(effect, theta=theta), *accepted[k + 1 :])
+        readings = simulate(replace(model, accepted=moved), offsets, plan)
+        changes.append(np.moveaxis(readings - before, 0, -1))
     return tuple(changes)
 
 
 def _simulate(
-    model: Model, parameters: Numbers, plan: Plan, strict: bool, derivative: bool = False
-) -> tuple[Numbers, Floats | None]:
-    """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
+    model: Model, parameters: Numbers, plan: Plan, strict: bool
+) -> tuple[Numbers, Callable[[], Floats] | None]:
+    """Readings, and what works out their derivative by the parameters, if it is known."""
     machine = model.machine
     if model.repeats:
         plan = plan.steps
-    readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
+    readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict)
     for effect in model.accepted:
         readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:

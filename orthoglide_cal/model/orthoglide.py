@@ -24,6 +24,7 @@ from orthoglide_cal.model.kinematics import (
     Geometry,
     Points,
     RealMachine,
+    approach_of,
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
@@ -317,12 +318,7 @@ class Orthoglide(Machine):
         return _command(self, plan)
 
     def sensed(
-        self,
-        real: RealMachine,
-        parameters: Numbers,
-        plan: GaugePlan,
-        strict: bool,
-        derivative: bool,
+        self, real: RealMachine, parameters: Numbers, plan: GaugePlan, strict: bool
     ) -> GaugeResponse:
         command = self.command(plan)
         if real.still:
@@ -348,7 +344,8 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        return _touched(points, plan, *moments, derivative and real.still)
+        readings, where, jacobian = _touched(points, plan, *moments)
+        return readings, where, jacobian if real.still else None
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -401,12 +398,11 @@ class Orthoglide(Machine):
 @functools.lru_cache(maxsize=16)
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
-    return Command(joints, machine.home_mm, plan.hours, plan.in_time, plan.entered)
+    approach = approach_of(joints - plan.entered, plan.in_time)
+    return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
 
 
-def _touched(
-    points: Points, plan: GaugePlan, moment: Ints, set_up: Ints, derivative: bool
-) -> GaugeResponse:
+def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
     When each reading was taken and when its gauge was set up are moments of the points, (n,).
@@ -427,23 +423,25 @@ def _touched(
     fraction = (place - carriage) / span
     if not plan.fixed:
         fraction = np.where(fixed, fraction, contact == Contact.TOOL)
-    heights, where = behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
-    if not derivative:
-        return heights, where, None
-    tool_by_joint = points.tool_derivative
-    turn = fixed * across / span
-    jacobian = tool_by_joint[direction, :, moment]
-    jacobian *= fraction[:, None]
-    part = tool_by_joint[leg, :, moment]
-    part *= (turn * fraction)[:, None]
-    jacobian -= part
-    part[...] = tool_by_joint[leg, :, set_up]
-    part *= (turn * gauge_at)[:, None]
-    jacobian += part
-    along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
-    jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * along
-    jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-    return heights, where, behind_batch(jacobian, 2)
+
+    def derivative() -> Floats:
+        tool_by_joint = points.tool_derivative
+        turn = fixed * across / span
+        jacobian = tool_by_joint[direction, :, moment]
+        jacobian *= fraction[:, None]
+        part = tool_by_joint[leg, :, moment]
+        part *= (turn * fraction)[:, None]
+        jacobian -= part
+        part[...] = tool_by_joint[leg, :, set_up]
+        part *= (turn * gauge_at)[:, None]
+        jacobian += part
+        along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
+        jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * along
+        jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
+        return behind_batch(jacobian, 2)
+
+    heights = behind_batch(side + fraction * across, 1)
+    return heights, behind_batch(fraction, 1), derivative
 
 
 # --- protocols -----------------------------------------------------------------------------
@@ -471,11 +469,6 @@ class PlannedReading(NamedTuple):
     def series(self) -> Series:
         """Leg and direction."""
         return Series(self.leg, self.direction)
-
-    @property
-    def stand(self) -> tuple[int, float]:
-        """Place of the gauge's stand at this leg."""
-        return self.direction, self.gauge_at
 
     @property
     def ways(self) -> tuple[str, str]:

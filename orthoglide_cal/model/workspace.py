@@ -54,7 +54,7 @@ def _grid(model: Model, points: int) -> tuple[Floats, Floats, Floats]:
 def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
     """Where carriages that have not moved yet stand when sent to `indicated` (n, 3) [mm]."""
     nothing = np.zeros(indicated.shape)
-    command = Command(indicated, model.machine.home_mm, nothing[:, 0], None, nothing)
+    command = Command(indicated, model.machine.home_mm, nothing[:, 0], nothing, nothing)
     return np.asarray(model.real.joints(command, offsets))
 
 

@@ -19,7 +19,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import fit_offsets, pose_plan, promise, solve
 from orthoglide_cal.estimation.accuracy import rms, unit_covariance
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
@@ -121,7 +121,7 @@ def table_1(model: Model) -> Reproduction:
         for end in ends
         for leg, direction, posture in cells
     ]
-    jacobian = simulate_with_jacobian(model, np.zeros(3), plan_of(readings))[1]
+    jacobian = differentiate(model, np.zeros(3), plan_of(readings))[1]
     tool, joint = np.split(jacobian, len(ends))
     rows = []
     for (leg, direction, posture), by_axis in zip(cells, (tool - joint).tolist(), strict=True):

@@ -123,10 +123,10 @@ def _adjustments(diagnosis: Diagnosis, measured: Plan, effect: Effect) -> Iterat
         plan, alone = cells[0].planned(cells), cause
         if cause.stage is Stage.GEOMETRY:
             alone = MovedAlone(cause, screw, machine.nominal_rails, parameter)
-        readings, slopes = differentiate(now, fit.offsets, plan, [alone.at(0.0 * effect.theta)])
+        readings, slopes = differentiate(now, fit.offsets, plan, [alone.absent])
         slope = slopes[:, fit.offsets.size + parameter]
         here = int(np.argmax(np.abs(slope)))
-        same = [row for row, cell in enumerate(cells) if cell.stand == cells[here].stand]
+        same = [row for row, cell in enumerate(cells) if cell.place == cells[here].place]
         there = max(same, key=lambda row: abs(slope[row] - slope[here]))
         gone = alone.at(-effect.theta * (np.arange(effect.theta.size) == parameter))
         corrected = simulate(now.extended([gone]), fit.offsets, plan)
@@ -170,8 +170,8 @@ def _moved(
     A rail that moves alone takes the frame along, in which the parameter is shared; one that turns
     about its foot moves its carriage. Of a home switch the offsets themselves are the parameter.
     """
-    nothing, n = np.zeros(cause.unknowns), offsets.size
-    _, slopes = differentiate(model, offsets, plan, [alone.at(nothing), cause.at(nothing)])
+    n = offsets.size
+    _, slopes = differentiate(model, offsets, plan, [alone.absent, cause.absent])
     pushed, shared = slopes[:, n + parameter], slopes[:, n + parameter + cause.unknowns]
     left = pushed - (shared if cause.id in CAUSES else 0.0)
     moved = np.linalg.lstsq(np.hstack([slopes[:, :n], plan.zeros]), left)[0].tolist()

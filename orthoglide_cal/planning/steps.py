@@ -16,7 +16,7 @@ import numpy as np
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import Machine, Suspicion
-from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import (
     MARGIN,
     MINUTES_PER_POSTURE,
@@ -288,7 +288,7 @@ def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
         plan.subset(np.tile(np.argsort(plan.setup, kind="stable"), len(PLACES))),
         gauge_at=np.repeat(PLACES, len(plan)),
     )
-    slopes = simulate_with_jacobian(Model(machine), np.zeros(3), everywhere)[1]
+    slopes = differentiate(Model(machine), np.zeros(3), everywhere)[1]
     jacobians = slopes.reshape(len(PLACES), plan.setups, len(postures), 3)
     least, best = 1.0 / NOTHING**0.5, None
     for place, jacobian in zip(PLACES, jacobians, strict=True):

@@ -6,12 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import zip_longest
-from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Vocabulary
@@ -57,7 +55,6 @@ class Case:
 
     given: Input
     answer: Answer
-    machine_file: Path | None = None  # as the user gave it, for the commands to run next
 
     @property
     def source(self) -> Source:
@@ -91,8 +88,7 @@ class Case:
     @property
     def others(self) -> "tuple[Case, ...]":
         """The other data of the same file with their answers."""
-        pairs = zip(self.given.others, self.answer.others, strict=False)
-        return tuple(Case(given, answer, self.machine_file) for given, answer in pairs)
+        return tuple(map(Case, self.given.others, self.answer.others))
 
     @property
     def known(self) -> tuple[Cause, ...]:
@@ -126,7 +122,7 @@ class Case:
         if verb in _DIAGNOSING:
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         paths += filter(None, [other])
-        return command(verb, *paths, machine=self.machine_file, options=" ".join(given))
+        return command(verb, *paths, machine=self.given.machine_file, options=" ".join(given))
 
     def remedies(self, *wanted: str) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters, and about causes; with options only these."""
@@ -163,11 +159,11 @@ class Case:
         `session` are the options of a session of its own; None: it goes on from these readings.
         """
         if session is not None:
-            return command("measure", machine=self.machine_file, options=session)
+            return command("measure", machine=self.given.machine_file, options=session)
         if not self.words.measure or self.source.path == "-":
             return None
         verb = f"{self.words.measure} --then"
-        return command(verb, self.source.path, machine=self.machine_file)
+        return command(verb, self.source.path, machine=self.given.machine_file)
 
     @property
     def table(self) -> str | None:
@@ -219,11 +215,11 @@ def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
 
 
-def measure_again(conditions: Conditions | None, machine: Path | None = None) -> str:
+def measure_again(given: Input) -> str:
     """The command to measure again: a simulated machine comes back with its seed."""
-    seed = dict(conditions.environment).get("seed") if conditions else None
+    seed = dict(given.conditions.environment).get("seed")
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
-    return command("measure", machine=machine, options=options)
+    return command("measure", machine=given.machine_file, options=options)
 
 
 # --- of which data, of whose machine, for what it holds ----------------------------------------

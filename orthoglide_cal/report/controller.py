@@ -1,22 +1,12 @@
 """Exports for the controller: a page of text, lines to paste, a table of corrections.
 
-All firmwares of a linear delta have a delta radius, tower angles and arms in common; an endstop is
-stated as
-
-    Klipper          position_endstop: height of the nozzle, in the middle, at which it triggers
-    RepRapFirmware   H + correction (M666), the three corrections summing to zero
-    Marlin           H − adjustment (M666), no adjustment above zero
-
-and the carriage stands at that height + √(arm² − radius²) then.
-
-Sources: Klipper's "Configuration reference" ([stepper_a], delta kinematics); RepRapFirmware's
-documents of M665 and M666; Marlin's M665.cpp, M666.cpp (no adjustment above zero is taken) and
-motion.cpp: after homing the nozzle is believed at H less the probe's z offset (M851), each carriage
-lowered by its adjustment.
+What the lines of a printer's firmware mean stands with what reads them: `files.gcode`, and
+`files.controller_file` for Klipper.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from itertools import groupby
 
 import numpy as np
@@ -24,7 +14,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words, visible
 from orthoglide_cal.files.controller_file import SAVED, firmware_machine, printer_values
-from orthoglide_cal.files.probe_readings import USUAL_ANGLES_DEG
+from orthoglide_cal.files.gcode import words_of
 from orthoglide_cal.files.text import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
@@ -135,24 +125,15 @@ def _klipper(new: LinearDelta) -> Iterator[str]:
         yield from (f"#*# {SAVED[name][1]} = {_number(values[name])}" for name in names)
 
 
-def _reprapfirmware(new: LinearDelta) -> Iterator[str]:
-    """M665 and M666 of config.g; towers a, b, c are X, Y, Z."""
-    arms = new.arm_length_mm[:1] if _equal(new) else new.arm_length_mm
-    lengths, height = ":".join(map(_number, arms)), float(np.mean(new.endstops_mm))
-    radius, bed = _number(new.delta_radius_mm), _number(new.bed_radius_mm)
-    yield f"M665 L{lengths} R{radius} H{_number(height)} B{bed} {_turned(new)}"
-    yield f"M666 {_towers(np.array(new.endstops_mm) - height)}"
-
-
-def _marlin(new: LinearDelta) -> Iterator[str]:
-    """M665 and M666, saved with M500; towers a, b, c are X, Y, Z."""
-    arm = float(np.mean(new.arm_length_mm))
-    height = min(new.endstops_mm)  # no endstop may be adjusted upwards
-    more = "" if _equal(new) else f" {_towers(np.array(new.arm_length_mm) - arm, 'ABC')}"
-    radius = _number(new.delta_radius_mm)
-    yield f"M665 L{_number(arm)} R{radius} H{_number(height)} {_turned(new)}{more}"
-    yield f"M666 {_towers(height - np.array(new.endstops_mm))}"
-    yield "M500"
+def _codes(new: LinearDelta, marlin: bool = False) -> Iterator[str]:
+    """Lines M665 and M666: of config.g, or for Marlin's console, to be saved; towers a, b, c are
+    X, Y, Z."""
+    words = words_of(new, marlin)
+    for code, names in groupby(words, key=lambda name: name[:4]):
+        written = (f"{name[4:]}{':'.join(map(_number, words[name]))}" for name in names)
+        yield f"{code} {' '.join(written)}"
+    if marlin:
+        yield "M500"
 
 
 def _linuxcnc(new: LinearDelta) -> Iterator[str]:
@@ -167,27 +148,14 @@ def _linuxcnc(new: LinearDelta) -> Iterator[str]:
         yield from (f"[JOINT_{number}]", f"# tower {tower}", f"HOME_OFFSET = {_number(height)}")
 
 
-def _equal(new: LinearDelta) -> bool:
-    """True if one length is enough for the arms."""
-    return len({round(arm, _DECIMALS) for arm in new.arm_length_mm}) == 1
-
-
-def _turned(new: LinearDelta) -> str:
-    return _towers(np.subtract(new.tower_angles_deg, USUAL_ANGLES_DEG))
-
-
-def _towers(numbers: Iterable[float], names: str = "XYZ") -> str:
-    return " ".join(f"{n}{_number(v)}" for n, v in zip(names, numbers, strict=True))
-
-
 def _number(value: float) -> str:
     return plain(value, _DECIMALS)
 
 
 _LINES: Mapping[str, Callable[[LinearDelta], Iterator[str]]] = {
     "klipper": _klipper,
-    "reprapfirmware": _reprapfirmware,
-    "marlin": _marlin,
+    "reprapfirmware": _codes,
+    "marlin": partial(_codes, marlin=True),
     "linuxcnc": _linuxcnc,
 }
 
@@ -202,7 +170,7 @@ def _notes(format: str, new: LinearDelta, case: Case) -> Iterator[str]:
     unknown = [row.name for row in case.answer.parameters if not row.determined]
     if unknown:
         yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."
-    if not _equal(new) and "unequal" in texts:
+    if not new.equal_arms and "unequal" in texts:
         yield texts["unequal"]
     turned = np.sort(np.mod(new.tower_angles_deg, 360.0)) - (90.0, 210.0, 330.0)
     if np.any(np.abs(turned) >= 0.5 * 10.0**-_DECIMALS) and "turned" in texts:

@@ -7,6 +7,7 @@ lasting causes that any session shows is given to the hypotheses about several d
 import math
 import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import chain, compress, pairwise, zip_longest
@@ -299,17 +300,22 @@ def _reached(
 _IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
 
 
-def moment_of(given: Input, stated: str | None = None) -> datetime | None:
-    """When it was measured: as stated (else UsageError), as it says, or as its name says."""
+def moment_of(given: Input) -> datetime | None:
+    """When it was measured: as it says, else as its name says."""
     named = _IN_NAME.search(PurePath(given.measured.source.path).name)
     name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
-    try:
-        moment = datetime.fromisoformat((stated or given.conditions.started or name).strip())
-    except ValueError:
-        if stated is None:
-            return None
-        raise UsageError(f"{stated!r} is no date.", "Write --dates 2026-03-02,2026-04-07") from None
-    return moment.replace(tzinfo=moment.tzinfo or UTC)
+    with suppress(ValueError):
+        moment = datetime.fromisoformat((given.conditions.started or name).strip())
+        return moment.replace(tzinfo=moment.tzinfo or UTC)
+    return None
+
+
+def _of_date(given: Input, date: str) -> Input:
+    """An input measured on a stated date. Raises UsageError: it is none."""
+    stated = replace(given, conditions=given.conditions.changed(started=date))
+    if moment_of(stated) is None:
+        raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
+    return stated
 
 
 def precedes(given: Input, entry: Entered) -> bool:
@@ -319,12 +325,9 @@ def precedes(given: Input, entry: Entered) -> bool:
     return active and moment is not None and moment < entered.replace(tzinfo=entered.tzinfo or UTC)
 
 
-def in_order(
-    inputs: Sequence[Input], dates: Sequence[str] = ()
-) -> tuple[list[Input], list[datetime]]:
+def in_order(inputs: Sequence[Input]) -> tuple[list[Input], list[datetime]]:
     """The inputs in order of time, and their times; as given, without, unless all have one."""
-    pairs = zip_longest(inputs, dates)
-    dated = [(at, given) for given, stated in pairs if (at := moment_of(given, stated))]
+    dated = [(at, given) for given in inputs if (at := moment_of(given))]
     if len(dated) < len(inputs):
         return [*inputs], []
     dated.sort(key=itemgetter(0))
@@ -362,24 +365,23 @@ def compare(
         )
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    measured, notes = [not given.measured.source.simulated for given in inputs], list[Reason]()
-    kept = [*zip_longest(inputs, dates)]
-    if 0 < sum(measured) < len(inputs):
-        notes.append(Reason.of("left_out", count=measured.count(False)))
-        kept = [*compress(kept, measured)]
-    if copies := copies_in([given for given, _ in kept]):
-        again = [PurePath(kept[k][0].measured.source.path).name for k in copies]
-        notes.append(Reason.of("stored_again", names=again))
-        kept = [pair for k, pair in enumerate(kept) if k not in copies]
-    if len(kept) < 2:
+    if dates:
+        inputs = [*map(_of_date, inputs, dates)]
+    measured, notes = [one for one in inputs if not one.measured.source.simulated], list[Reason]()
+    simulated = not measured
+    if measured and len(measured) < len(inputs):
+        notes.append(Reason.of("left_out", count=len(inputs) - len(measured)))
+    inputs = measured or inputs
+    if copies := copies_in(inputs):
+        notes.append(Reason.of("stored_again", names=[inputs[k].name for k in copies]))
+        inputs = [given for k, given in enumerate(inputs) if k not in copies]
+    if len(inputs) < 2:
         without = ", without those that are simulated or copies" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
             "Name files; or the folder of sessions: of tables (CSV) it takes none.",
         )
-    inputs, moments = in_order(
-        [given for given, _ in kept], [day for _, day in kept if day is not None]
-    )
+    inputs, moments = in_order(inputs)
     times = np.arange(len(inputs), dtype=np.float64)
     if dated := bool(moments):
         times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
@@ -464,7 +466,7 @@ def compare(
     return History(
         machine=machine.name,
         kind=machine.kind,
-        simulated=not any(measured),
+        simulated=simulated,
         dated=dated,
         sessions=tuple(rows),
         verdict=verdict,

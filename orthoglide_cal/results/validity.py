@@ -11,8 +11,7 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.model.machine import OwnGauge
-from orthoglide_cal.model.measured import CAUTIONS, Source
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.measured import CAUTIONS
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
@@ -124,25 +123,19 @@ class Identity(Schema):
     software: str
 
 
-def identify(
-    inputs: Iterable[tuple[Source, Model]], *options: object, issued: datetime | None = None
-) -> Identity:
+def identify(inputs: Iterable[Input], *options: object, issued: datetime | None = None) -> Identity:
     """Identity of a result: another number for whatever a report shows otherwise.
 
     Of each file, with the machine that it is judged by, and of all options that change the content
     (their `str` distinguishes them). It is issued now if no time is given.
     """
     software = f"orthocal {__version__}"
-    parts = [
-        (
-            source.path,
-            source.sha256,
-            *([source.excerpt.data] if source.excerpt else []),
-            *model.ruled_out,
-            machine_values(model),
-        )
-        for source, model in inputs
-    ]
+    parts = []
+    for given in inputs:
+        source, model = given.measured.source, given.model
+        data = [source.excerpt.data] if source.excerpt else []
+        judged = *model.ruled_out, machine_values(model)
+        parts.append((source.path, source.sha256, *data, *judged))
     made_of = repr((software, parts, [str(option) for option in options]))
     digest = hashlib.sha256(made_of.encode()).hexdigest()[:12].upper()
     return Identity(

@@ -25,12 +25,12 @@ from enum import StrEnum
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, computed_field
+from pydantic import Field, InstanceOf, computed_field
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, promise
+from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
@@ -41,8 +41,8 @@ from orthoglide_cal.inference import diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Corrections, Instrument
-from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.measured import DataKind, Measured, Readings
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
@@ -96,11 +96,6 @@ class Coefficient(Schema):
     ci95: tuple[float, float]
     agrees: bool  # the interval holds 1
 
-    @classmethod
-    def of(cls, value: float, std: float, dof: int) -> Self:
-        low, high = value - half_width(dof) * std, value + half_width(dof) * std
-        return cls(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
-
 
 class AxisResponse(Schema):
     """The response of one joint."""
@@ -132,6 +127,24 @@ class ComparedDifference(Schema):
     expanded_mm: float  # U of the value measured after
     outcome: Outcome | None  # by the rule; null where no limit was given
 
+    @classmethod
+    def of(cls, promised: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
+        """What was promised of it, and what was measured after, with its U and a limit [mm]."""
+        outcome = None
+        if limit is not None:
+            room = limit - abs(after)
+            unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
+            outcome = Outcome.PASS if room >= u else unsure
+        return cls(
+            difference=promised.name,
+            before_mm=promised.measured_mm,
+            promised_mm=promised.expected_mm,
+            promised_expanded_mm=promised.expanded_mm,
+            after_mm=after,
+            expanded_mm=u,
+            outcome=outcome,
+        )
+
 
 class Conformity(Schema):
     """Conformity with a stated limit."""
@@ -145,6 +158,19 @@ class Conformity(Schema):
     passable: bool  # false: U is beyond the limit, so nothing can pass
     rule: Sentence = Reason.of("guard_band")
 
+    @classmethod
+    def of(cls, rows: Sequence[ComparedDifference], limit_mm: float) -> Self:
+        """The limit is kept if each deviation keeps it."""
+        largest = max(rows, key=lambda row: abs(row.after_mm))
+        return cls(
+            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
+            limit_mm=limit_mm,
+            largest_mm=abs(largest.after_mm),
+            largest_difference=largest.difference,
+            expanded_mm=largest.expanded_mm,
+            passable=all(row.expanded_mm <= limit_mm for row in rows),
+        )
+
 
 class Verification(Schema):
     """A correction compared with its prediction, as `verify --json` prints it.
@@ -152,7 +178,7 @@ class Verification(Schema):
     `inputs` are both measurements, each with the machine that it was judged by.
     """
 
-    inputs: tuple[tuple[Source, Model], ...] = Field(exclude=True)
+    inputs: tuple[InstanceOf[Input], InstanceOf[Input]] = Field(exclude=True, repr=False)
     schema_version: Literal[1] = 1
     before: ComparedInput
     after: ComparedInput
@@ -261,16 +287,27 @@ def verify(
         )
     first, right = _solved(before, model)
     second, _ = _solved(after, model.correcting(held))
-    left, added = first.offsets_mm - applied, correcting(model.machine, corrected)
-    shared = shared_contrasts(before.measured, after.measured, model, model.extended(added), left)
+    added = correcting(model.machine, corrected)
+    shared = shared_contrasts(before.measured, after.measured, model)
+    response = _respond(shared, model.extended(added), first.offsets_mm, applied)
     later = pose(after.measured, model, table_kind(before.measured))
-    shown = {difference.name for difference in later.which}
+    names = [difference.name for difference in later.which]
     every = promise(before.measured, first, applied, right, added)
-    promised = [row for row in every if row.name in shown]
-    rows = _differences(promised, later, limit_mm)
-    apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
-    both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
-    response = _respond(shared, first.offsets_mm, applied)
+    promised = [row for row in every if row.name in names]
+    if not promised:
+        raise UsageError(
+            "The two files share no difference between the ends of a leg's travel.",
+            "Measure the postures max and min before and after.",
+        )
+    chosen = [names.index(row.name) for row in promised]
+    left, noise_mm = later.data[chosen], model.machine.instrument.noise_mm
+    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.problem.covariance()))[chosen]
+    pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
+    rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
+    was, will_be, sure = np.array(
+        [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
+    ).T
+    apart, both = rms(left - will_be), rms(np.hypot(sure, u))
     # Only an opposite sign can come of the wrong order.
     unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
     return Verification(
@@ -280,61 +317,15 @@ def verify(
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
         apart_mm=apart,
         apart_expanded_mm=both,
-        rms_before_mm=rms(np.array([row.before_mm for row in rows])),
-        rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
-        rms_after_mm=rms(np.array([row.after_mm for row in rows])),
+        rms_before_mm=rms(was),
+        rms_promised_mm=rms(will_be),
+        rms_after_mm=rms(left),
         remains=None if adjusted else remainder(promised, model),
         applied_mm=_by_axis(applied),
         corrected=corrected,
         differences=rows,
         **response,
-        decision=None if limit_mm is None else _decide(rows, limit_mm),
-    )
-
-
-def _differences(
-    promised: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
-) -> tuple[ComparedDifference, ...]:
-    """The differences of Table 4 before, predicted and after; `later` holds at least those."""
-    if not promised:
-        raise UsageError(
-            "The two files share no difference between the ends of a leg's travel.",
-            "Measure the postures max and min before and after.",
-        )
-    gauge, rows = later.problem.model.machine.instrument, []
-    expanded = NORMAL_K * gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    names = [difference.name for difference in later.which]
-    for row in promised:
-        after, u = (float(values[names.index(row.name)]) for values in (later.data, expanded))
-        outcome = None
-        if limit_mm is not None:
-            room = limit_mm - abs(after)
-            unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
-            outcome = Outcome.PASS if room >= u else unsure
-        rows.append(
-            ComparedDifference(
-                difference=row.name,
-                before_mm=row.measured_mm,
-                promised_mm=row.expected_mm,
-                promised_expanded_mm=row.expanded_mm,
-                after_mm=after,
-                expanded_mm=u,
-                outcome=outcome,
-            )
-        )
-    return tuple(rows)
-
-
-def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
-    """The limit is kept if each deviation keeps it."""
-    largest = max(rows, key=lambda row: abs(row.after_mm))
-    return Conformity(
-        outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
-        limit_mm=limit_mm,
-        largest_mm=abs(largest.after_mm),
-        largest_difference=largest.difference,
-        expanded_mm=largest.expanded_mm,
-        passable=all(row.expanded_mm <= limit_mm for row in rows),
+        decision=None if limit_mm is None else Conformity.of(rows, limit_mm),
     )
 
 
@@ -410,7 +401,7 @@ def _common(
     before, after = (ComparedInput.of(given, validity=validity(given)) for given in inputs)
     reservations = compare_reservations(before.validity, after.validity)
     return {
-        "inputs": tuple((s.measured.source, s.model) for s in solutions),
+        "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
@@ -513,32 +504,29 @@ def _more(before: Corrections, after: Corrections) -> Corrections:
 
 @dataclass(frozen=True, eq=False)
 class SharedContrasts(ReadOnly):
-    """k quantities measured in both sessions."""
+    """k quantities measured in both sessions: their change is predicted by both sums together."""
 
     kind: DataKind  # contrasts of readings, or differences
-    problem: Problem  # predicts them for given offsets
+    before: Problem  # what the first session adds to the change, for given offsets
+    after: Problem  # what the second one adds
     change: Floats  # after − before, measured, shape (k,) [mm]
-    effect: Floats  # of what the controller corrects since, as modelled, shape (k,) [mm]
-    covariance: Floats  # of the change for unit variance of one reading, shape (k, k)
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the change for unit variance of one reading, shape (k, k)."""
+        return self.before.covariance() + self.after.covariance()
 
 
-def shared_contrasts(
-    before: Measured, after: Measured, model: Model, corrected: Model, left: Floats
-) -> SharedContrasts:
-    """The quantities that both sessions determine.
-
-    Args:
-        before, after, model: the data, and what they are of.
-        corrected: that with what the controller corrects since the first one.
-        left: offsets in the second one, shape (3,) [mm].
+def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
+    """The quantities that both sessions of a machine determine.
 
     Raises:
         UsageError: they have nothing in common.
     """
     if isinstance(before, Readings) and isinstance(after, Readings):
-        shared = _of_readings(before, after, model, corrected, left)
+        shared = _of_readings(before, after, model)
     else:
-        shared = _of_differences(before, after, model, corrected, left)
+        shared = _of_differences(before, after, model)
     if len(shared.change) < 4:
         raise UsageError(
             f"The two files share {len(shared.change)} quantities;"
@@ -548,9 +536,7 @@ def shared_contrasts(
     return shared
 
 
-def _of_differences(
-    before: Measured, after: Measured, model: Model, corrected: Model, left: Floats
-) -> SharedContrasts:
+def _of_differences(before: Measured, after: Measured, model: Model) -> SharedContrasts:
     kinds = {table_kind(e) if e.kind is DataKind.READINGS else e.kind for e in (before, after)}
     if len(kinds) > 1 and kinds != {DataKind.SIX, DataKind.TWELVE}:
         raise UsageError(
@@ -559,62 +545,58 @@ def _of_differences(
             "Measure both with the same protocol.",
         )
     kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
-    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
+    first, second = (pose(measured, model, kind) for measured in (before, after))
     both = [difference for difference in first.which if difference in second.which]
-    of_first, of_second = chosen = [np.eye(len(p.data))[[*map(p.which.index, both)]] for p in posed]
-    spreads = (p.problem.spread(rows) for p, rows in zip(posed, chosen, strict=True))
-    problem = replace(first.problem, matrix=of_first @ first.problem.matrix)
-    effect = replace(second.problem, model=corrected).predict(left) - second.problem.predict(left)
-    return SharedContrasts(
-        kind=kind,
-        problem=problem,
-        change=of_second @ second.data - of_first @ first.data,
-        effect=of_second @ effect,
-        covariance=np.asarray(sum(spreads)),
-    )
+    problems, change = list[Problem](), np.zeros(len(both))
+    for posed, sign in ((first, -1.0), (second, 1.0)):
+        chosen = sign * np.eye(len(posed.data))[[*map(posed.which.index, both)]]
+        problems.append(replace(posed.problem, matrix=chosen @ posed.problem.matrix))
+        change += chosen @ posed.data
+    return SharedContrasts(kind, problems[0], problems[1], change)
 
 
-def _of_readings(
-    before: Readings, after: Readings, model: Model, corrected: Model, left: Floats
-) -> SharedContrasts:
+def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    found = [readings.subset(readings.plan.as_found) for readings in (before, after)]
-    every = joined(*(readings.plan for readings in found)).at_once()
-    _, first, cell = np.unique(every.repeats, return_index=True, return_inverse=True)
-    design = (cell[:, None] == np.arange(len(first))).astype(np.float64)
+    found = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
+    every = joined(*found).at_once()
+    _, cell = np.unique(every.repeats, return_inverse=True)
+    design = (cell[:, None] == np.unique(cell)).astype(np.float64)
     later = np.arange(len(every)) >= len(found[0])
-    unknown = np.hstack((design, block_diag(*(readings.plan.zeros for readings in found))))
+    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in found))))
     seen = unexplained(unknown, later[:, None] * design)
     information, axes = np.linalg.eigh(seen.T @ seen)
     kept = information > NO_INFORMATION
-    contrasts, variance = np.ascontiguousarray(axes[:, kept].T), 1.0 / information[kept]
-    estimator = variance[:, None] * (contrasts @ seen.T)
-    plain, shown = (simulate(one, left, after.plan) for one in (model, corrected))
-    return SharedContrasts(
-        kind=DataKind.READINGS,
-        problem=Problem(model, every.subset(first), contrasts),
-        change=estimator @ np.concatenate([readings.value for readings in found]),
-        effect=estimator[:, later] @ (shown - plain)[after.plan.as_found],
-        covariance=np.diag(variance),
-    )
+    estimator = (axes[:, kept] / information[kept]).T @ seen.T
+    problems, change = [], np.zeros(len(estimator))
+    for readings, mine in ((before, ~later), (after, later)):
+        matrix = np.zeros((len(estimator), len(readings)))
+        matrix[:, readings.plan.as_found] = estimator[:, mine]
+        problems.append(Problem(model, readings.plan, matrix))
+        change += matrix @ readings.value
+    return SharedContrasts(DataKind.READINGS, problems[0], problems[1], change)
 
 
 # --- how the machine responded ----------------------------------------------------------------
 
 
-def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[str, object]:
+def _respond(
+    shared: SharedContrasts, corrected: Model, offsets: Floats, applied: Floats
+) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
     Args:
         shared: k quantities of both sessions.
+        corrected: the machine with what its controller corrects since the first one.
         offsets: Δρ before the correction, shape (3,) [mm].
         applied: δ, shape (3,) [mm]; all zero only where something was corrected.
     """
-    problem, gauge = shared.problem, shared.problem.model.machine.instrument
+    gauge, remaining = corrected.machine.instrument, offsets - applied
     # Midway, where a linear model of the change is right to third order.
-    jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    predicted = problem.predict(offsets - applied) - problem.predict(offsets) + shared.effect
-    values = shared.change, shared.change - shared.effect, predicted[:, None], jacobian
+    jacobian = -shared.after.predict_with_jacobian(offsets - applied / 2.0)[1]
+    later = replace(shared.after, model=corrected).predict(remaining)
+    predicted = later + shared.before.predict(offsets)
+    offsets_alone = shared.change - (later - shared.after.predict(remaining))
+    values = shared.change, offsets_alone, predicted[:, None], jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)
     # The axes are fitted together; corrections have one gain.
     acting, moves = (change, predicted, np.ones(1)), list[Coefficient]()
@@ -658,5 +640,10 @@ def _regress(
     left, spare = float(residual @ residual), len(change) - len(sizes)
     # No reading is known better than its gauge's resolution allows.
     sigma = max(math.sqrt(left / spare), gauge.rounding_mm)
-    rows = zip(sizes.tolist(), (sigma * np.linalg.norm(inverse, axis=1)).tolist(), strict=True)
-    return [Coefficient.of(*row, spare) for row in rows], left, spare
+    reach, coefficients = half_width(spare), []
+    for value, length in zip(sizes.tolist(), np.linalg.norm(inverse, axis=1).tolist(), strict=True):
+        std = sigma * length
+        interval = value - reach * std, value + reach * std
+        agrees = interval[0] <= 1.0 <= interval[1]
+        coefficients.append(Coefficient(value=value, std=std, ci95=interval, agrees=agrees))
+    return coefficients, left, spare

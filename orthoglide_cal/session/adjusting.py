@@ -5,7 +5,7 @@ again. Where one stands follows from what was read, whatever interrupted it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
@@ -300,11 +300,12 @@ def open_adjustments(
     source: tuple[str, ...],
     resume: bool,
     asker: Asker,
+    opened: ExitStack,
 ) -> AdjustingDialogue:
     """Begin the adjustments of a cause that an input names, or go on with them.
 
-    Raises UsageError: they are begun already, or not yet; InputError: a file cannot be used;
-    GaugeLost: the gauge cannot be reached.
+    What is `opened` is closed with them. Raises UsageError: they are begun already, or not yet;
+    InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
     """
     if SIMULATED in source:
         problem = "A simulated gauge does not see what you push."
@@ -316,26 +317,23 @@ def open_adjustments(
             f"{session} was adjusted already, or this was begun: {target.name} exists.",
             "Measure again before you adjust again, or continue with --resume.",
         )
-    asker.gauge = serial_gauge(source)  # a missing one leaves no file behind
+    asker.gauge = serial_gauge(source, opened)  # a missing one leaves no file behind
     following = events.Following(data=read_document(str(session)), what=cause)
     cells, at, machine = _cells(adjustments), clock(), machine_text(given.model)
-    opened = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
+    begun = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     planned = events.Planned(at=at, readings=cells, following=following)
-    journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
-    try:
-        state = events.replay(journal.events)
-        _check_same(state, following, adjustments, target)
-        asker.gauge = asker.gauge or serial_gauge(state.source)
-        places = enumerate(product(range(1, len(adjustments) + 1), PHASES))
-        steps = tuple(
-            SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
-            for number, (setup, phase) in places
-        )
-        setting = setting_in(journal, state, steps)
-        return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
-    except BaseException:
-        journal.close()
-        raise
+    journal = Journal.resume(target) if resume else Journal.create(target, begun, planned)
+    opened.callback(journal.close)
+    state = events.replay(journal.events)
+    _check_same(state, following, adjustments, target)
+    asker.gauge = asker.gauge or serial_gauge(state.source, opened)
+    places = enumerate(product(range(1, len(adjustments) + 1), PHASES))
+    steps = tuple(
+        SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
+        for number, (setup, phase) in places
+    )
+    setting = setting_in(journal, state, steps)
+    return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
@@ -363,15 +361,16 @@ def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
             yield path, state, following
 
 
-def check_not_adjusted(source: Source, machine_file: Path | None) -> None:
+def check_not_adjusted(given: Input) -> None:
     """Raise UnusableResultError if a screw was turned since, or may be loose."""
-    for journal, state, following in _begun(source):
+    path = given.measured.source.path
+    for journal, state, following in _begun(given.measured.source):
         problem = f"It was adjusted since then ({journal.name}): these readings are out of date."
         remedy = "Measure again, and apply the new session."
         if state.ended is None:
             problem = f"An adjustment was begun ({journal.name}): something may be loose."
             options = f"--cause {following.what} --resume"
-            finish = command("adjust", source.path, machine=machine_file, options=options)
+            finish = command("adjust", path, machine=given.machine_file, options=options)
             remedy = "Delete that file, if nothing was loosened. Or finish it, then measure again:"
             remedy += f" {finish}"
         raise UnusableResultError(problem, remedy)

@@ -6,13 +6,11 @@ and the question names the blunder that explains it best. Nothing is altered.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES
@@ -52,14 +50,28 @@ class Blunder(NamedTuple):
     shift_mm: float = 0.0  # of the last reading
 
 
-@dataclass(frozen=True, eq=False)
 class Evidence:
-    """Evidence against a reading; of q readings at once, of as many sessions."""
+    """Evidence against q values of the last reading (q,), of as many sessions [mm].
 
-    prediction: Mixture  # of this one value, from the readings before
-    tail: Floats  # chance of a reading at least this far off, shape (q,)
-    whole: tuple[Blunder, ...]  # blunders of whole legs that are worth a question
-    gains: Floats  # log likelihood ratios in favour of those, shape (len(whole), q)
+    `known` are the readings of its `past`, (k, q).
+    """
+
+    def __init__(self, readings: ReadingsSoFar, known: Floats, value: Floats) -> None:
+        rows, forecast, settled = readings.compared, readings.forecast, readings.settled
+        self.prediction = forecast.given(known, rows[:-1], rows[-1:])  # from the readings before
+        # Chance of a reading at least this far off, (q,).
+        self.tail: Floats = self.prediction.tail(value[None])[0]
+        # Blunders of whole legs; all that the model says of these is said in the first cycle.
+        self.whole = [
+            reversal
+            for reversal in (() if readings.repeats else _reversals(readings))
+            if (reversal.question.doubt, reversal.question.about) not in settled
+        ]
+        values = np.vstack((known, value))
+        base = forecast.log_density(values, rows) if self.whole else 0.0
+        fits = (forecast.log_density(values * r.factors[:, None], r.rows) for r in self.whole)
+        # Log likelihood ratios in favour of those, (len(whole), q).
+        self.gains: Floats = np.array([fit - base for fit in fits]).reshape(-1, len(value))
 
     @property
     def questioned(self) -> NDArray[np.bool_]:
@@ -128,7 +140,7 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     if not readings.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
     value = float(readings.value[-1])
-    evidence = gather(readings, readings.value[readings.past][:, None], np.array([value]))
+    evidence = Evidence(readings, readings.value[readings.past][:, None], np.array([value]))
     if not evidence.questioned.item():
         return None
     if evidence.tail.item() >= RARE:
@@ -136,11 +148,7 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
         return best._replace(text=f"the readings together would fit far better: {best.text}")
     expected, std = evidence.prediction.mean.item(), evidence.prediction.std.item()
     far = _how_far(readings, unit, expected, std)
-    likely = [
-        (chance, question)
-        for question, chance, std in _explanations(readings, evidence)
-        if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
-    ]
+    likely = list(_explanations(readings, evidence))
     moved = f"since step {readings.steps[readings.series[-1]].number}"
     if not likely:
         if readings.repeats:
@@ -156,23 +164,6 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     if readings.repeats and best.doubt is not Doubt.REVOLUTION:
         text += f" or has the stand moved {moved}?"
     return best._replace(text=text)
-
-
-def gather(readings: ReadingsSoFar, known: Floats, value: Floats) -> Evidence:
-    """Weigh values of the last reading (q,) against `known` ones of its `past`, (k, q) [mm]."""
-    rows, forecast, settled = readings.compared, readings.forecast, readings.settled
-    prediction = forecast.given(known, rows[:-1], rows[-1:])
-    # All that the model says of a leg as a whole is said in its first cycle.
-    whole = tuple(
-        reversal
-        for reversal in (() if readings.repeats else _reversals(readings))
-        if (reversal.question.doubt, reversal.question.about) not in settled
-    )
-    values = np.vstack((known, value))
-    base = forecast.log_density(values, rows) if whole else 0.0
-    fits = (forecast.log_density(values * r.factors[:, None], r.rows) for r in whole)
-    gains = np.array([fit - base for fit in fits]).reshape(-1, len(value))
-    return Evidence(prediction, prediction.tail(value[None])[0], whole, gains)
 
 
 def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
@@ -198,14 +189,13 @@ def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
             yield Blunder(question, np.ones(len(rows)), swapped)
 
 
-def _explanations(
-    readings: ReadingsSoFar, evidence: Evidence
-) -> Iterator[tuple[Question, float, float]]:
-    """Blunders that may have made the last reading what it is.
+def _explanations(readings: ReadingsSoFar, evidence: Evidence) -> Iterator[tuple[float, Question]]:
+    """Blunders that make an ordinary reading of the last one, which is none without them.
 
-    With the chance of a reading at least this far off if so, and the prediction's std then [mm].
+    With the chance of a reading at least this far off if so.
     """
     rows, value = readings.compared, readings.value[readings.compared]
+    away = value[-1] - evidence.prediction.mean.item()
 
     def of_last(doubt: Doubt, words: str, factor: float = 1.0, shift_mm: float = 0.0) -> Blunder:
         factors = np.append(np.ones(len(rows) - 1), factor)
@@ -213,7 +203,7 @@ def _explanations(
 
     blunders: list[Blunder] = []
     if turn := readings.setting.machine.instrument.turn_mm:
-        slip = math.copysign(turn, value[-1] - evidence.prediction.mean.item())
+        slip = math.copysign(turn, away)
         for turns in (1, 2, 3):
             words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
             blunders.append(of_last(Doubt.REVOLUTION, words, shift_mm=-turns * slip))
@@ -229,7 +219,8 @@ def _explanations(
         if blunder.rows is not rows or np.any(blunder.factors[:-1] != 1.0):
             prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
         chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
-        yield blunder.question, chance, prediction.std.item()
+        if chance >= _ORDINARY and LIMIT * prediction.std.item() <= abs(away):
+            yield chance, blunder.question
 
 
 def _how_far(readings: ReadingsSoFar, unit: Unit, expected: float, std: float) -> str:

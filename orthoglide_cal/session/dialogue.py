@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import InputError, command, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
-from orthoglide_cal.files.session_file import session_text
+from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.steps import (
@@ -191,12 +191,6 @@ class Dialogue:
             if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
                 result = "not all lie within U: expected once in seven sessions"
         self.asker.show(f"True offsets: {' '.join(hidden)} mm; {result}.")
-
-    def close(self) -> None:
-        """Let go of the gauge, the machine that is followed, and the journal."""
-        for resource in (self.asker.gauge, self.standing, self.journal):
-            if resource is not None:
-                resource.close()
 
     # ---- what is asked
 

@@ -64,10 +64,6 @@ class LiveGauge(Protocol):
     def poll(self, asked: bool) -> list[Token]:
         """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
 
-    def close(self) -> None:
-        """Let go of the port, if it has one."""
-        return
-
 
 # ---- gauges on serial lines or USB-serial adapters, through pyserial
 
@@ -155,34 +151,6 @@ def parse_typed(text: str) -> Token:
     raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
-class Splitter:
-    """Cuts bytes into tokens at CR, LF or TAB; a token counts only if all of it has arrived."""
-
-    def __init__(self) -> None:
-        self._rest = b""
-        self._since = 0.0
-
-    def feed(self, data: bytes, now: float) -> list[str]:
-        """Tokens completed by what arrived, blank ones left out; `now` is monotonic time [s]."""
-        *whole, rest = _ENDS.split(self._rest + data)
-        if data and (whole or not self._rest):
-            self._since = now
-        self._rest = rest[: _LONGEST + 1]
-        tokens = (_decoded(token) for token in whole if len(token) <= _LONGEST)
-        return [token for token in tokens if token.strip()]
-
-    def stale(self, now: float) -> str:
-        """An unfinished token that is too old to be completed, else ""; it is thrown away."""
-        if now - self._since <= PATIENCE_S:
-            return ""
-        token, self._rest = _decoded(self._rest[:_LONGEST]), b""
-        return token
-
-
-def _decoded(token: bytes) -> str:
-    return token.decode("ascii", errors="replace").strip("\0")
-
-
 class SerialPort:
     """The serial line `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]`, not opened yet.
 
@@ -208,20 +176,9 @@ class SerialPort:
         # Of the gauges that are read side by side; none if the line is of one gauge.
         self.channels = match["channels"].split(",") if match["channels"] else []
         self.name = f"{name}:{self.port}"
-        self._splitter = Splitter()
         self._line: serial.Serial | None = None
+        self._rest, self._since = b"", 0.0  # of a message that has not ended, and when it began
         self._decimals: dict[object, int] = {}  # the most so far, of a channel in a unit
-
-    def cut_off(self, token: Token) -> str | None:
-        """Warn of a number with fewer decimals than the gauge had before; else None."""
-        decimals = re.search(r"[.,](\d+)", token.raw)
-        if token.value is None or decimals is None:
-            return None
-        known, here = (token.channel, token.unit), len(decimals[1])
-        most = self._decimals[known] = max(here, self._decimals.get(known, 0))
-        if here == most:
-            return None
-        return f"It had {most} decimals before: press again; or q and --resume if you changed that."
 
     def open(self) -> "serial.Serial":
         """Open the port, unless it is open. Raises UsageError without pyserial, GaugeLost."""
@@ -244,11 +201,11 @@ class SerialPort:
                 f"The gauge on {self.port} cannot be reached: {_reason(error)}.",
                 "Check its cable, or end with q and resume with another --gauge.",
             ) from error
-        self._splitter = Splitter()
+        self._rest = b""
         return self._line
 
     def read(self, asked: bool) -> list[Token]:
-        """Tokens that arrived completely, and one that never will. Raises GaugeLost.
+        """What `tokens` makes of all that has arrived. Raises GaugeLost.
 
         A port that was lost is opened; if `asked`, the format's request is sent, if it has one.
         """
@@ -262,12 +219,34 @@ class SerialPort:
             raise GaugeLost(
                 f"The gauge on {self.port} does not answer: {_reason(error)}."
             ) from error
-        now = time.monotonic()
-        tokens = [self.format.parse(raw) for raw in self._splitter.feed(data, now)]
-        cut = self._splitter.stale(now)
-        return [*tokens, Token(cut)] if cut else tokens
+        return self.tokens(data, time.monotonic())
+
+    def tokens(self, data: bytes, now: float) -> list[Token]:
+        """Messages that what arrives completes, blank ones left out; `now` is monotonic time [s].
+
+        They are cut at CR, LF or TAB. One whose end never came is no reading, nor is a number with
+        fewer decimals than the gauge had before.
+        """
+        *whole, rest = _ENDS.split(self._rest + data)
+        if data and (whole or not self._rest):
+            self._since = now
+        self._rest = rest[: _LONGEST + 1]
+        texts = map(_decoded, (message for message in whole if len(message) <= _LONGEST))
+        tokens = [self.format.parse(text) for text in texts if text.strip()]
+        for number, token in enumerate(tokens):
+            if token.value is not None and (decimals := re.search(r"[.,](\d+)", token.raw)):
+                known, here = (token.channel, token.unit), len(decimals[1])
+                most = self._decimals[known] = max(here, self._decimals.get(known, 0))
+                if here < most:
+                    short = f"It had {most} decimals before: press again; or q and --resume if you"
+                    tokens[number] = token._replace(elsewhere=f"{short} changed that.")
+        if now - self._since > PATIENCE_S:
+            cut, self._rest = _decoded(self._rest[:_LONGEST]), b""
+            tokens += [Token(cut)] if cut else []
+        return tokens
 
     def close(self) -> None:
+        """Let go of the port."""
         if self._line is not None:
             with suppress(OSError):
                 self._line.close()
@@ -301,21 +280,20 @@ class SerialGauge(LiveGauge):
         heard: list[Token] = []
         for number, port in enumerate(self.ports):
             for token in port.read(asked and number == self._wanted):
-                name, elsewhere = port.name, None
+                name, elsewhere = port.name, token.elsewhere
                 if port.channels and token.channel is not None:
                     channel = port.channels[min(self._stand, len(port.channels) - 1)]
                     name += f"#{token.channel}"
                     if token.channel.lstrip("0") != channel.lstrip("0"):
                         elsewhere = f"That was channel {token.channel}; channel {channel} is next."
-                elsewhere = elsewhere or port.cut_off(token)
                 if number != self._wanted:
                     elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is next."
                 heard.append(token._replace(source=name, elsewhere=elsewhere))
         return heard
 
-    def close(self) -> None:
-        for port in self.ports:
-            port.close()
+
+def _decoded(message: bytes) -> str:
+    return message.decode("ascii", errors="replace").strip("\0")
 
 
 def _reason(error: Exception) -> str:

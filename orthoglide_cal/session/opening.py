@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from operator import attrgetter
@@ -39,11 +39,10 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Show, Style
+from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
-from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.session.readings import PriorReadings, Setting
 from orthoglide_cal.words import Unit, counted
 
@@ -88,45 +87,39 @@ def clock() -> str:
 
 
 def open_session(
-    request: Request, keyboard: Keyboard, show: Show, standing: Standing | None = None
+    request: Request, asker: Asker, opened: ExitStack, standing: Standing | None = None
 ) -> Dialogue:
     """Begin a session, or go on with one; `standing` is a machine that is followed.
 
-    Raises UsageError: what is asked for does not go together, or with what is there; InputError,
-    GaugeLost: a file or the gauge cannot be used; EOFError, KeyboardInterrupt: nobody answers.
+    What is `opened` is closed with it. Raises UsageError: what is asked for does not go together,
+    or with what is there; InputError, GaugeLost: a file or the gauge cannot be used; EOFError,
+    KeyboardInterrupt: nobody answers.
     """
     _check_options(request)
-    path, asker = session_file(request.path, Path(), request.resume), Asker(keyboard, show)
+    path = session_file(request.path, Path(), request.resume)
+    asker.gauge = serial_gauge(request.source, opened)  # a missing one leaves no file behind
+    target = path.with_suffix(JOURNAL)
+    first = () if request.resume else _first_records(request, asker)
+    journal = Journal.create(target, *first) if first else Journal.resume(target)
+    opened.callback(journal.close)
+    state = events.replay(journal.events)
+    setting = setting_in(journal, state)
+    source = request.source or state.source
     if request.resume:
-        journal = Journal.resume(path.with_suffix(JOURNAL))
-    else:
-        # A missing gauge or another machine leaves no file behind.
-        asker.gauge = serial_gauge(request.source)
-        journal = Journal.create(path.with_suffix(JOURNAL), *_first_records(request, asker))
-    try:
-        state = events.replay(journal.events)
-        setting = setting_in(journal, state)
-        if request.resume:
-            _refuse_changes(state.opened, setting.held, request)
-        source = request.source or state.source
-        if source == (SIMULATED,):
-            asker.gauge = SimulatedGauge(setting, state.opened.seed or 0)
-        else:
-            asker.gauge = asker.gauge or serial_gauge(source)
-        if request.resume:
-            asker.say(wording.machine(setting.held, state.opened.seed is not None))
-            if setting.following:
-                asker.say(setting.following.words, Style.TITLE)
-        dialogue = Dialogue(
-            path, journal, setting, asker, clock, request.unit, request.until_mm, standing,
-            agreed=request.agreed,
-        )  # fmt: skip
-        if request.source and request.source != state.source and state.ended is None:
-            dialogue.write(events.Reopened(at=clock(), source=request.source))
-        return dialogue
-    except BaseException:
-        journal.close()
-        raise
+        _refuse_changes(state.opened, setting.held, request)
+        asker.gauge = asker.gauge or serial_gauge(source, opened)
+        asker.say(wording.machine(setting.held, state.opened.seed is not None))
+        if setting.following:
+            asker.say(setting.following.words, Style.TITLE)
+    if source == (SIMULATED,):
+        asker.gauge = SimulatedGauge(setting, state.opened.seed or 0)
+    dialogue = Dialogue(
+        path, journal, setting, asker, clock, request.unit, request.until_mm, standing,
+        agreed=request.agreed,
+    )  # fmt: skip
+    if request.source and request.source != state.source and state.ended is None:
+        dialogue.write(events.Reopened(at=clock(), source=request.source))
+    return dialogue
 
 
 def _check_options(request: Request) -> None:
@@ -357,7 +350,7 @@ def setting_in(
     return Setting(model, steps, planned.following if planned else None)
 
 
-def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
+def serial_gauge(source: Sequence[str], opened: ExitStack) -> SerialGauge | None:
     """Open the serial gauges that --gauge names; None for others. Raises UsageError, GaugeLost."""
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None
@@ -366,6 +359,7 @@ def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
         raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
     gauge = SerialGauge(source)
     for port in gauge.ports:
+        opened.callback(port.close)
         port.open()
     return gauge
 

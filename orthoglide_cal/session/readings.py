@@ -14,19 +14,19 @@ import numpy as np
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
-from orthoglide_cal.estimation.forecast import forecast, plausible_misfit_mm
+from orthoglide_cal.estimation.forecast import forecast
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,
     Conditions,
     GaugeIdentity,
+    Session,
     reading_rows,
     readings_of,
     row_at,
 )
 from orthoglide_cal.files.rows import ReadingRow
-from orthoglide_cal.files.session_file import Session
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.machine import Machine
@@ -65,6 +65,9 @@ class PriorReadings:
         self.readings, self.plan = given.measured, given.measured.plan
         self.repeats = Counter(planned_readings(self.plan))
         self._is_session = given.is_session
+        # Offsets in the controller at the end, less those at the beginning, (3,) [mm]: a carriage
+        # that was commanded short was so for its readings alone.
+        self.left_entered: Floats = self.plan.stood[self.plan.in_time[-1]]
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -104,14 +107,6 @@ class PriorReadings:
                 last += max((now - then).total_seconds() / 60.0, 0.0)
         tick = 10.0**-TICK_DECIMALS
         return round(math.ceil(last / tick) * tick + since, TICK_DECIMALS)
-
-    @property
-    def left_entered(self) -> Floats:
-        """Offsets in the controller at the end, less those at the beginning, (3,) [mm].
-
-        A carriage that was commanded short was so for its readings alone.
-        """
-        return np.asarray(self.plan.stood[self.plan.in_time[-1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +148,6 @@ class Setting:
     def plan(self) -> GaugePlan:
         """The readings of all N steps."""
         return plan_of([step.cell for step in self.steps])
-
-    @cached_property
-    def misfit_mm(self) -> float:
-        """Plausible size of what the model leaves out of a reading [mm]."""
-        return plausible_misfit_mm(self.machine)
 
 
 class ReadingsSoFar:
@@ -344,8 +334,7 @@ class ReadingsSoFar:
             order=np.tile(np.arange(len(cells)), 2),
             hours=np.tile(self.minutes / 60.0, 2),
         )
-        fresh, setting = np.tile(self.fresh, 2), self.setting
-        return forecast(setting.model, plan, fresh, self.sigma_mm, setting.misfit_mm)
+        return forecast(self.setting.model, plan, np.tile(self.fresh, 2), self.sigma_mm)
 
     @property
     def sigma_mm(self) -> float:

@@ -46,7 +46,7 @@ def test_each_acts_in_its_own_stage_alone(cause: Cause, subject: Subject) -> Non
     geometry, command = model.real.geometry, model.machine.command(plan)
     rng = np.random.default_rng(3)
     joints, heights = command.joints + 0.1, rng.normal(0.0, 1.0, len(plan))
-    where = model.machine.sensed(model.real, subject.values, plan, True, False)[1]
+    where = model.machine.sensed(model.real, subject.values, plan, True)[1]
     where = where + rng.uniform(-0.3, 0.3, where.shape)
     bent = cause.geometry(geometry, theta)
     given = {

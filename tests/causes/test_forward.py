@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.cause import Cause, Effect
-from orthoglide_cal.model.model import Model, differentiate, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
@@ -165,7 +165,7 @@ def test_derivatives_are_those_of_the_readings(cause: Cause, subject: Subject) -
     slope = differentiate(model, subject.values, plan, [cause.at(theta, place)])[1]
     assert slope.shape == (len(plan), p + cause.unknowns)
     full = model.extended([cause.at(theta, place)])
-    values, by_values = simulate_with_jacobian(full, subject.values, plan)
+    values, by_values = differentiate(full, subject.values, plan)
     assert values == pytest.approx(simulate(full, subject.values, plan), abs=1e-12)
     assert slope[:, :p] == pytest.approx(by_values, abs=1e-10)
     at, steps = np.concatenate((subject.values, theta)), np.full(p + cause.unknowns, 1e-4)
@@ -190,10 +190,10 @@ def test_many_machines_at_once_are_as_one_by_one(cause: Cause, subject: Subject)
     factors = np.array([0.3, 1.0, -1.7])
     many = model.extended([cause.at(factors[:, None] * theta, place)])
     for given in (np.outer([1.0, -0.4, 0.7], subject.values), subject.values):
-        found, slopes = simulate_with_jacobian(many, given, plan)
-        assert np.array_equal(found, simulate(many, given, plan))
+        found, slopes = differentiate(many, given, plan)
+        assert np.abs(found - simulate(many, given, plan)).max() < 1e-12
         for k, values in enumerate(np.broadcast_to(given, (3, given.shape[-1]))):
             alone = model.extended([cause.at(factors[k] * theta, place)])
-            expected, by_values = simulate_with_jacobian(alone, values, plan)
+            expected, by_values = differentiate(alone, values, plan)
             assert np.abs(found[k] - expected).max() < 1e-12
             assert np.abs(slopes[k] - by_values).max() < 1e-12

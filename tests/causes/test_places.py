@@ -5,9 +5,10 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.model.cause import Cause, Place
+from orthoglide_cal.model.contrasts import zero_free
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of
-from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
 from tests.causes.test_forward import MACHINES, as_plan, standard

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from orthoglide_cal.files.session_file import session_of_readings, session_text
+from orthoglide_cal.files.readings import session_of_readings, session_text
 from tests.cli.program import answer, done, refused, run, words
 from tests.results.histories import draw
 from tests.results.test_schema import CONTRACT

@@ -11,7 +11,7 @@ from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.machine_file import shipped_folder
 from orthoglide_cal.files.text import write_text
-from orthoglide_cal.session.gauges import SERIAL_FORMATS, SerialGauge, SerialPort
+from orthoglide_cal.session.gauges import SerialGauge, SerialPort
 from tests.session.terminal import Terminal, run_program
 from tests.session.virtual import answered, readings_of, steps_of, typed
 
@@ -63,7 +63,8 @@ def test_a_number_cut_off_on_its_way_is_no_reading(
     monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     sent = iter(["+0.123", "+0.12", "+0.124", "+1.123"])
-    monkeypatch.setattr(SerialPort, "read", lambda *_: [SERIAL_FORMATS[name].parse(next(sent))])
+    read = lambda port, _: port.tokens(f"{next(sent)}\r".encode(), 0.0)  # noqa: E731
+    monkeypatch.setattr(SerialPort, "read", read)
     gauge, step = SerialGauge([f"{name}:/dev/ttyUSB0"]), steps_of()[0]
     told = []
     for _ in range(4):

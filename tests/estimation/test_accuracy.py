@@ -15,7 +15,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import scatter_of_repeats, sum_of_squares
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
-from orthoglide_cal.model.model import Model, simulate_with_jacobian, synthetic_session
+from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series
@@ -103,7 +103,7 @@ def test_lost_motion_that_a_scanning_probe_cannot_show_is_misfit_all_the_same() 
     moving, rng = NOMINAL_PRINTER.extended([lost]), np.random.default_rng(3)
     session = synthetic_session(moving, plan, np.zeros(6), rng)
     solution = solve(session, model)
-    h, jacobian = simulate_with_jacobian(model, solution.offsets_mm, plan)
+    h, jacobian = differentiate(model, solution.offsets_mm, plan)
     left = session.value - h
     left = left - jacobian @ np.linalg.lstsq(jacobian, left, rcond=None)[0]
     assert solution.sigma_residuals_mm == pytest.approx(np.sqrt(left @ left / (25 - 6)))
@@ -116,7 +116,7 @@ def test_sigma_of_raw_readings_is_from_all_of_them_whatever_the_method(method: s
     plan = session.plan
     solution = solve(session, sure(NOMINAL_LARGE), method)
     # What offsets and zeros cannot explain, by a fit of both.
-    h, jacobian = simulate_with_jacobian(NOMINAL_LARGE, solution.offsets_mm, plan)
+    h, jacobian = differentiate(NOMINAL_LARGE, solution.offsets_mm, plan)
     design = np.hstack((jacobian, plan.zeros))
     left = session.value - h
     left = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]

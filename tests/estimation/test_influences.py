@@ -16,10 +16,11 @@ from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.budget import Contribution, budget_of, influences, warmth
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import single_posture
-from orthoglide_cal.model.plan import Floats, without_zeros
+from orthoglide_cal.model.plan import Floats
 from tests import truth
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, sure
@@ -206,8 +207,8 @@ def test_warmth_is_what_the_legs_may_grow() -> None:
 
 
 def test_the_temperature_is_that_of_the_readings_or_of_the_room() -> None:
-    room = (("humidity", "60 %"), ("temperature_c", "24.5"))
+    room = {"humidity": "60 %", "temperature_c": "24.5"}
     assert Conditions(environment=room).mean_temperature_c == 24.5
     assert Conditions(environment=room, temperature_c=(21.0, 22.0)).mean_temperature_c == 21.5
-    assert Conditions(environment=(("temperature_c", "warm"),)).mean_temperature_c is None
+    assert Conditions(environment={"temperature_c": "warm"}).mean_temperature_c is None
     assert Conditions().mean_temperature_c is None

@@ -17,7 +17,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import Method, PromisedDifference, pose, promise, solve
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
-from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import GaugePlan, Posture
@@ -48,7 +48,7 @@ def explicit(session: Readings, model: Model) -> tuple[Floats, Floats]:
     offsets = np.zeros(many)
     weight = session.plan.precision[:, None]
     for _ in range(20):
-        h, jacobian = simulate_with_jacobian(model, offsets, session.plan)
+        h, jacobian = differentiate(model, offsets, session.plan)
         design = weight * np.hstack((jacobian, session.plan.zeros))
         step = np.linalg.lstsq(design, weight[:, 0] * (session.value - h), rcond=None)[0]
         offsets = offsets + step[:many]

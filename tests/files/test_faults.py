@@ -11,7 +11,7 @@ import pytest
 from orthoglide_cal.files.controller_file import controller_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
-from orthoglide_cal.files.session_file import session_text
+from orthoglide_cal.files.readings import session_text
 from tests import firmware_files as made
 from tests.printer_files import OFF
 

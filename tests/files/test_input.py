@@ -10,8 +10,7 @@ import pytest
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import check_file, latest_session, read_input, sessions_in
 from orthoglide_cal.files.machine_file import machine_text
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity
-from orthoglide_cal.files.session_file import Session, session_text
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity, Session, session_text
 from tests.cli.program import SESSION, SIX, run
 from tests.machines import ROOT
 

@@ -19,7 +19,7 @@ from orthoglide_cal.files.machine_file import (
     machine_text,
     machine_values,
 )
-from orthoglide_cal.files.session_file import Session, session_text
+from orthoglide_cal.files.readings import Session, session_text
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.linear_delta import CALLIPER_MM

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthoglide_cal.files.input import check_file, read_input
-from orthoglide_cal.files.readings import readings_csv
-from orthoglide_cal.files.session_file import session_of_readings, session_text
+from orthoglide_cal.files.readings import readings_csv, session_of_readings, session_text
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture

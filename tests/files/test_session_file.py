@@ -12,8 +12,13 @@ from orthoglide_cal.files.machine_file import (
     machine_values,
     read_machine_file,
 )
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity
-from orthoglide_cal.files.session_file import Session, session_json, session_text
+from orthoglide_cal.files.readings import (
+    Conditions,
+    GaugeIdentity,
+    Session,
+    session_json,
+    session_text,
+)
 from tests.machines import extended
 from tests.sentences import sentences
 
@@ -59,7 +64,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
         operator="M. Muster: # 'quoted'",
         started="2025-03-01T09:00:00+01:00",
         temperature_c=tuple(20 + k / 7 for k in range(4)),
-        environment=(("temperature_c", "20.5"), ("note", "null")),
+        environment={"temperature_c": "20.5", "note": "null"},
         gauges=(GaugeIdentity(id="012", certificate="1e-3", resolution_mm=0.01),),
         retaken=1,
         skipped=1,
@@ -71,7 +76,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
     other = values(gauges=[{"id": "7"}], environment={"sky": "foggy"})
     given = read_input(save(tmp_path, session_text(other))).conditions
     assert given.gauges == (GaugeIdentity(id="7"), GaugeIdentity(id="012"))
-    assert given.environment == (("sky", "foggy"),)
+    assert given.environment == {"sky": "foggy"}
 
 
 @pytest.mark.parametrize("name", ["session.yaml", "data.csv"])

@@ -18,6 +18,7 @@ import numpy as np
 import yaml
 
 from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.session.asking import Asker
 from orthoglide_cal.session.dialogue import Quit
 from orthoglide_cal.session.opening import Request, open_session
 from tests import conftest  # noqa: F401  # options are made once, which takes longer than a command
@@ -152,8 +153,8 @@ def gone_on_with(text: str) -> str | None:
     request, screen = Request(Path("m.yaml"), resume=True), Screen()
     signal.alarm(PATIENCE_S)
     try:
-        session = open_session(request, Script(["0.1", "k", "q"]), screen)
-        with contextlib.closing(session) as dialogue:
+        with contextlib.ExitStack() as opened:
+            dialogue = open_session(request, Asker(Script(["0.1", "k", "q"]), screen), opened)
             dialogue.greet()
             dialogue.run()
             dialogue.publish()

@@ -14,7 +14,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
-from orthoglide_cal.files.session_file import session_of_readings, session_text
+from orthoglide_cal.files.readings import session_of_readings, session_text
 from orthoglide_cal.inference import Diagnosis, Explanation
 from orthoglide_cal.inference import diagnose as analysed
 from orthoglide_cal.inference.data import Candidates, Ids

@@ -20,10 +20,10 @@ from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.patterns import PLANNED
 from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.paper.tables import experiment
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import headline

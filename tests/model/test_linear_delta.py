@@ -9,6 +9,7 @@ from scipy.special import eval_jacobi
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.contrasts import zero_free
 from orthoglide_cal.model.linear_delta import GRAIN_MM
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats
@@ -85,7 +86,7 @@ def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
         return radial * (np.cos(turn) if m >= 0 else np.sin(turn))
 
     plan = standard_plan()
-    _, at, _ = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
+    _, at, _ = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True)
     found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), plan, PRINTER, at)
     x, y = at[:75, :2].T
     near = 1e-4 * np.eye(2)
@@ -175,6 +176,15 @@ def test_touches_have_no_unknown_zero_and_distances_share_nothing() -> None:
     assert (plan.setups, plan.zeros.shape) == (0, (len(plan), 0))
     assert groups(plan.shared) == [[*range(75)], *([k] for k in range(75, 81))]
     assert plan.precision.tolist() == [1.0] * 75 + [0.4] * 6
+
+
+def test_no_contrast_of_dates_together_holds_parameters_of_another_date() -> None:
+    """Also where distances are less precise than touches."""
+    plan = standard_plan()
+    slope = np.random.default_rng(2).normal(size=(len(plan), 6)) * (np.arange(81) < 40)[:, None]
+    joint = replace(plan, slope=slope, date=np.arange(81) // 40)
+    assert joint.setups == 6
+    assert zero_free(joint) @ joint.zeros == pytest.approx(np.zeros((75, 6)), abs=1e-12)
 
 
 def test_touches_of_one_spot_repeat_each_other() -> None:

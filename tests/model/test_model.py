@@ -132,7 +132,7 @@ def test_values_are_frozen_to_the_last_array() -> None:
         session,
         Differences(DataKind.SIX, wanted, np.zeros(6), Source("six.csv", "")),
         known.accepted[0],
-        Command(np.ones((2, 3)), 1.0, np.ones(2), np.arange(2), np.zeros((2, 3))),
+        Command(np.ones((2, 3)), 1.0, np.ones(2), *np.zeros((2, 2, 3))),
         compensation(known, 2),
         known.real.geometry,
         NOMINAL.machine.command(PLAN),

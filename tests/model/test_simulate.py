@@ -11,16 +11,17 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.model.contrasts import zero_free
 from orthoglide_cal.model.kinematics import Points, trilaterate
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import (
     STEP,
     Model,
+    differentiate,
     simulate,
-    simulate_with_jacobian,
 )
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
 from orthoglide_cal.model.workspace import SAMPLES, compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
@@ -68,13 +69,13 @@ def test_the_closed_form_of_the_jacobian(
     plan = plans.get(gauges) or double_posture(machine, cycles=2, gauge_at=gauges)
     model = made(machine)
     assert model.real.still
-    readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
+    readings, slope = differentiate(model, OFFSETS, plan)
     assert np.array_equal(readings, simulate(model, OFFSETS, plan))
     # By complex steps: exact, and they know no closed form.
     exact = simulate(model, OFFSETS + 1j * STEP * np.eye(3), plan).imag.T / STEP
     assert np.abs(slope - exact).max() < 1e-12
     # What bends the rails is in it: readings change by more per millimetre than is resolved here.
-    nominal = simulate_with_jacobian(Model(machine), OFFSETS, plan)[1]
+    nominal = differentiate(Model(machine), OFFSETS, plan)[1]
     assert (np.abs(slope - nominal).max() > 1e-4) == (made is not Model)
 
 
@@ -87,12 +88,12 @@ def test_an_unreachable_session_is_an_error_or_nan() -> None:
         simulate(NOMINAL, np.array([30.0, 85.0, 30.0]), plan)
     creeping = NOMINAL.extended([CAUSES["thermal_drift"].at(np.array([0.1, -0.2, 0.1]))])
     for model in (NOMINAL, creeping):
-        readings, slope = simulate_with_jacobian(model, offsets, plan, strict=False)
+        readings, slope = differentiate(model, offsets, plan, strict=False)
         assert np.isfinite(readings[0]).all()
         assert np.isfinite(slope[0]).all()
         assert np.isnan(readings[1]).any()
         with pytest.raises(PostureError, match="Leg x displaced by 0 mm"):
-            simulate_with_jacobian(model, offsets, plan)
+            differentiate(model, offsets, plan)
 
 
 def test_legs_too_short_where_the_gauges_are_set_up_are_named() -> None:

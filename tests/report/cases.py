@@ -91,8 +91,8 @@ def diagnosed() -> Document:
     model = changed(NOMINAL, name=HOSTILE[3], gauge=FINE.machine.gauge)
     good = session(TRUE, 4, model.extended([CAUSES["axis_gap"].at(GAP)]))
     measured = replace(good, source=replace(good.source, path=HOSTILE[3] + ".csv"))
-    case = case_of(given(measured, model))
-    return diagnosis_document(replace(case, machine_file=Path(HOSTILE[0])))
+    read = replace(given(measured, model), machine_file=Path(HOSTILE[0]))
+    return diagnosis_document(case_of(read))
 
 
 @listed

@@ -100,7 +100,7 @@ def written(path: Path, case: Case, name: str) -> Path:
 def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, tmp_path: Path):
     """Two pages, with all that a session can hold."""
     full = cases.COMPLETE.changed(
-        environment=tuple((f"remark {k}", "draught from the door " * 3) for k in range(6)),
+        environment={f"remark {k}": "draught from the door " * 3 for k in range(6)},
         gauges=tuple(GaugeIdentity(id=f"no. {k}", certificate=f"2026-{k:04d}", resolution_mm=0.01)
                      for k in range(6)),
         notes=tuple((k, "touched the stand") for k in range(60)),

@@ -41,7 +41,7 @@ def released() -> Case:
     """The healthy session on a machine, of a file, with offsets already active."""
     healthy = cases.healthy().given
     model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, -0.2, 0.3))
-    return replace(case_of(replace(healthy, model=model)), machine_file=Path("mine.yaml"))
+    return case_of(replace(healthy, model=model, machine_file=Path("mine.yaml")))
 
 
 def sections(text: str) -> ConfigParser:

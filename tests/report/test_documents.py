@@ -131,8 +131,9 @@ def beyond_the_limit() -> doc.Document:
     """Adjusted as promised, and the gap that offsets do not put right is more than the limit."""
     before = given(session(TRUE, 16, GAPED), GAPED)
     after = given(session(np.zeros(3), 17, GAPED), GAPED)
+    before = replace(before, machine_file=Path("mine.yaml"))
     found = verify(before, after, TRUE.tolist(), limit_mm=0.02)
-    case = replace(case_of(before), machine_file=Path("mine.yaml"))
+    case = case_of(before)
     return calibration_document(case, cases.identity_of(case), found)
 
 
@@ -140,7 +141,8 @@ def beyond_the_limit() -> doc.Document:
 def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]) -> None:
     made = make()
     if isinstance(made, Case):
-        made = report_of(replace(made, machine_file=Path("mine.yaml")))
+        given_file = replace(made.given, machine_file=Path("mine.yaml"))
+        made = report_of(replace(made, given=given_file))
     page = made.page()
     typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
     assert typed

@@ -28,7 +28,7 @@ COMPLETE = Conditions(
     started="2026-03-03T09:00:00+01:00",
     finished="2026-03-03T09:31:00+01:00",
     temperature_c=(20.9, 20.7, 21.6, 21.3),
-    environment=(("place", "hall 3"),),
+    environment={"place": "hall 3"},
     gauges=(
         GaugeIdentity(id="no. 41", certificate="2026-0117", due="2027-01-31", resolution_mm=0.01),
         GaugeIdentity(id="no. 42", certificate="2026-0118", due="2027-01-31"),
@@ -56,8 +56,7 @@ def case_of(read: Input) -> Case:
 
 def identity_of(case: Case) -> Identity:
     """What makes a report of it unique."""
-    source, model = case.source, case.given.model
-    return identify([(source, model)], case.answer.method, issued=ISSUED)
+    return identify([case.given], case.answer.method, issued=ISSUED)
 
 
 def _made(measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None) -> Case:
@@ -138,7 +137,7 @@ def hostile() -> Case:
         protocol=HOSTILE[5],
         operator=HOSTILE[3],
         started="2026-03-03T09:00:00+01:00",
-        environment=((HOSTILE[1], HOSTILE[4]),),
+        environment={HOSTILE[1]: HOSTILE[4]},
         gauges=tuple(GaugeIdentity(id=text, certificate=text) for text in HOSTILE),
         notes=tuple(enumerate(HOSTILE, start=2)),
     )

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.readings import Conditions
-from orthoglide_cal.files.session_file import session_of_readings, session_text
+from orthoglide_cal.files.readings import Conditions, session_of_readings, session_text
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture

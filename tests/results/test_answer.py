@@ -332,19 +332,24 @@ def test_a_number_says_what_a_report_shows_and_not_when():
         data_sha256="a" * 64,
     )
     entered = replace(NOMINAL, machine=NOMINAL.machine.changed(history=(entry,)))
-    given = [
-        ([(Source("a.csv", "a"), NOMINAL)], ()),
-        ([(Source("a.csv", "b"), NOMINAL)], ()),
-        ([(Source("a.csv", "a"), renamed)], ()),
-        ([(Source("a.csv", "a"), NOMINAL)], ("six",)),
-        ([(Source("a.csv", "a"), NOMINAL)] * 2, ()),
-        ([(Source("moved/a.csv", "a"), NOMINAL)], ()),
-        ([(Source("a.csv", "a"), entered)], ()),
+
+    def read(path, digest, model=NOMINAL):
+        return given(replace(session(TRUE, 3), source=Source(path, digest)), model)
+
+    same = read("a.csv", "a")
+    made = [
+        ([same], ()),
+        ([read("a.csv", "b")], ()),
+        ([read("a.csv", "a", renamed)], ()),
+        ([same], ("six",)),
+        ([same] * 2, ()),
+        ([read("moved/a.csv", "a")], ()),
+        ([read("a.csv", "a", entered)], ()),
     ]
-    numbers = [identify(inputs, *options, issued=moment).number for inputs, options in given]
-    assert len(set(numbers)) == len(given)
+    numbers = [identify(inputs, *options, issued=moment).number for inputs, options in made]
+    assert len(set(numbers)) == len(made)
     assert all(re.fullmatch("OC-[0-9A-F]{6}-[0-9A-F]{6}", number) for number in numbers)
-    later = [identify(inputs, *options).number for inputs, options in given]
+    later = [identify(inputs, *options).number for inputs, options in made]
     assert later == numbers
 
 

@@ -46,7 +46,7 @@ def warmer(start: float, end: float) -> Conditions:
         ({"finished": "2027-01-31T23:00:00+01:00"}, ()),
         ({"temperature_c": (19.4, 21.3)}, ()),
         ({"temperature_c": (19.2, 21.3)}, ("changed by 2.1 K",)),
-        ({"environment": (("temperature_end_c", "23.1"),)}, ("changed by 2.4 K",)),
+        ({"environment": {"temperature_end_c": "23.1"}}, ("changed by 2.4 K",)),
         ({"operator": None, "gauges": ()}, ("Not recorded: operator, gauges.",)),
         ({"started": None, "finished": None}, ("Not recorded: date.",)),
         ({"temperature_c": ()}, ("Not recorded: temperature.",)),

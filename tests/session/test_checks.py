@@ -11,12 +11,12 @@ from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import (
+    Evidence,
     check,
     check_divisions,
     check_range,
     check_reading,
     check_repeats,
-    gather,
 )
 from orthoglide_cal.session.events import Answered, Doubt, Event, Taken, advance
 from orthoglide_cal.session.readings import ReadingsSoFar
@@ -292,7 +292,7 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
         now = read_next(state, steps, index, minutes, 0.0, machine)
         assert now.sigma_mm == machine.gauge.noise_mm
         if now.series:
-            false |= gather(now, values[:, now.past].T, values[:, index]).questioned
+            false |= Evidence(now, values[:, now.past].T, values[:, index]).questioned
         for value in values[:20, index].tolist():
             now = read_next(state, steps, index, minutes, value, machine)
             assert check_range(now, Unit.MM) is check_divisions(now, Unit.MM) is None

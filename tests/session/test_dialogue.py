@@ -12,7 +12,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.session_file import session_json
+from orthoglide_cal.files.readings import session_json
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.steps import Posture
 from orthoglide_cal.results import answer_to

@@ -19,6 +19,7 @@ from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.steps import GIVES_UP
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.session import opening
+from orthoglide_cal.session.asking import Asker
 from orthoglide_cal.session.events import RECORD, Taken, replay
 from orthoglide_cal.session.opening import Request, open_session, planned_next
 from orthoglide_cal.session.readings import PriorReadings
@@ -73,8 +74,8 @@ def test_what_is_agreed_to_is_what_is_recorded(
 
     monkeypatch.setattr(opening, "planned_next", plan)
     request = Request(tmp_path / "n.yaml", agreed=True, following=str(first))
-    with contextlib.closing(open_session(request, Script([]), Screen())):
-        pass
+    with contextlib.ExitStack() as opened:
+        open_session(request, Asker(Script([]), Screen()), opened)
     ((_, following, _),) = planned
     recorded = events_of(tmp_path / "n.journal")[1]
     assert recorded.following == following

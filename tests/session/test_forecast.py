@@ -31,9 +31,7 @@ SIZES = 3.0 ** np.arange(-3, 2)
 
 def in_full(plan: GaugePlan, fresh: np.ndarray | None = None, model: Model = NOMINAL) -> Mixture:
     fresh = np.zeros(len(plan), dtype=int) if fresh is None else fresh
-    machine = model.machine
-    misfit_mm = plausible_misfit_mm(machine)
-    return forecast(model, plan, fresh, machine.instrument.noise_mm, misfit_mm)
+    return forecast(model, plan, fresh, model.machine.instrument.noise_mm)
 
 
 def timed_plan(count: int = 60) -> GaugePlan:

@@ -14,7 +14,6 @@ from orthoglide_cal.session.gauges import (
     SerialGauge,
     SerialPort,
     SimulatedGauge,
-    Splitter,
     Token,
     parse_typed,
 )
@@ -84,27 +83,28 @@ def test_bad_ports_are_usage_errors(text: str) -> None:
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 100])
 def test_tokens_are_cut_at_any_line_end_in_pieces_of_any_size(end: bytes, size: int) -> None:
     data = end.join([b"01A+0000.123", b"01A-0001.500", b""])
-    splitter, found = Splitter(), []
+    port, found = SerialPort("mitutoyo:/dev/x"), []
     for at in range(0, len(data), size):
-        found += splitter.feed(data[at : at + size], now=0.0)
-    assert found == ["01A+0000.123", "01A-0001.500"]
+        found += port.tokens(data[at : at + size], now=0.0)
+    assert [token.value for token in found] == [0.123, -1.5]
 
 
 def test_a_token_without_its_end_is_thrown_away_after_a_while() -> None:
-    splitter = Splitter()
-    assert splitter.feed(b"01A+0000.1", now=10.0) == []
-    assert splitter.stale(now=10.0 + 0.9 * PATIENCE_S) == ""
-    assert splitter.stale(now=10.0 + 1.1 * PATIENCE_S) == "01A+0000.1"
-    assert splitter.feed(b"23\r", now=12.0) == ["23"]
+    port = SerialPort("mitutoyo:/dev/x")
+    assert port.tokens(b"01A+0000.1", now=10.0) == []
+    assert port.tokens(b"", now=10.0 + 0.9 * PATIENCE_S) == []
+    assert port.tokens(b"", now=10.0 + 1.1 * PATIENCE_S) == [Token("01A+0000.1")]
+    assert port.tokens(b"23\r", now=12.0) == [Token("23")]
 
 
 def test_noise_without_end_does_not_fill_the_memory() -> None:
-    splitter = Splitter()
+    port = SerialPort("mahr:/dev/x")
     for _ in range(1000):
-        assert splitter.feed(b"\xff" * 100, now=0.0) == []
-    assert splitter.feed(b"\r1.000 mm\r", now=0.0) == ["1.000 mm"]
-    splitter.feed(b"\xff" * 1000, now=0.0)
-    assert len(splitter.stale(now=10.0)) <= 120
+        assert port.tokens(b"\xff" * 100, now=0.0) == []
+    assert [token.value for token in port.tokens(b"\r1.000 mm\r", now=0.0)] == [1.0]
+    port.tokens(b"\xff" * 1000, now=0.0)
+    (token,) = port.tokens(b"", now=10.0)
+    assert (token.value, len(token.raw)) == (None, 120)
 
 
 @pytest.mark.parametrize(("text", "value", "unit"), GIVEN["typed"])

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from orthoglide_cal.files.session_file import session_text
+from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.asking import Style

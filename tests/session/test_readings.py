@@ -10,7 +10,7 @@ from scipy import stats
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.session_file import session_text
+from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.events import Answered, Doubt, Event, GaugeLabel, replay

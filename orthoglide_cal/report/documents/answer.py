@@ -345,7 +345,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
         from orthoglide_cal.session.adjusting import check_not_adjusted
 
         try:
-            check_not_adjusted(case.source, case.machine_file)
+            check_not_adjusted(case.given)
         except UnusableResultError as error:
             yield doc.Instruction(str(error))
             return
@@ -392,8 +392,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     if case.table is not None and not brief:
         yield doc.Instruction("Correct the remaining errors with a table", case.table)
     if words.measure:
-        again = measure_again(case.given.conditions, case.machine_file)
-        yield doc.Instruction("Measure again", again)
+        yield doc.Instruction("Measure again", measure_again(case.given))
     if case.record is None or not brief:
         yield doc.Instruction(words.compare, case.verify)
 

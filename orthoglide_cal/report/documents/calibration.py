@@ -93,7 +93,7 @@ def calibration_document(
         parameters, pages = _parameters(case, limit_mm), list[doc.Section]()
         if left is not None:
             notice = verification.verification_notice(left)
-            advice = verification.verification_steps(left, case.machine_file)
+            advice = verification.verification_steps(left)
             drawn = verification.left_figure(left) if left.differences else None
             steps = doc.next_steps(advice, verification.decision_rule(left), drawn)
             sheet = [verification.parameters_left(left), steps]
@@ -241,7 +241,7 @@ def _conditions(case: Case) -> doc.Section:
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
     ]
-    for name, text in given.environment:
+    for name, text in given.environment.items():
         if "temperature" not in name:  # they stand under the verdict
             rows.append((name.replace("_", " "), doc.given(text)))
     if case.given.is_session:

@@ -104,10 +104,8 @@ def check_document(
     return doc.Document(partial(checked.model_dump, mode="json", context=sentence), lambda: page)
 
 
-def application_document(
-    application: Application, machine_file: Path | None, live: bool
-) -> doc.Document:
-    """The offsets in the controller from now on, and what comes next; paths as they were given.
+def application_document(application: Application, live: bool) -> doc.Document:
+    """The offsets in the controller from now on, and what comes next.
 
     As data what changes in the machine file [mm]. A `live` controller is told without a restart.
     """
@@ -158,12 +156,12 @@ def application_document(
     if given is not None:
         title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
         if words.measure:
-            typed = measure_again(given.conditions, machine_file)
+            typed = measure_again(given)
             again = doc.Instruction("Measure again in the same way.", typed)
         compare, path = "Compare with the prediction.", given.measured.source.path
         if controller and controller.sha256 == entry.data_sha256:
             compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
-        typed = command("verify", path, "AFTER", machine=machine_file)
+        typed = command("verify", path, "AFTER", machine=given.machine_file)
         steps += [again, doc.Instruction(compare, typed)]
     sections.append(doc.Section(None, doc.Instructions(steps)))
     page = doc.Page(title, machine.name, sections=sections, simulated=simulated)
@@ -190,10 +188,8 @@ def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
     return doc.Grid(head, list(dict.fromkeys(rows)), caption=caption, words=(0, 3))
 
 
-def adjustment_document(
-    answer: AdjustmentAnswer, given: Input, machine_file: Path | None
-) -> doc.Document:
-    """The document; `given` is what was adjusted, by the machine file as the user gave it."""
+def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
+    """The document; `given` is what was adjusted."""
     head = ("parameter", "", "target", "reached", "check: expected", "measured")
     rows = []
     for one in answer.adjustments:
@@ -212,9 +208,9 @@ def adjustment_document(
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
     first = doc.Instruction("Calibrate anew, which the push needs, and probe in the same way.")
     if given.model.machine.vocabulary.measure:
-        again = measure_again(given.conditions, machine_file)
+        again = measure_again(given)
         first = doc.Instruction("Measure again in the same way.", again)
-    compare = command("verify", answer.input.path, "AFTER", machine=machine_file)
+    compare = command("verify", answer.input.path, "AFTER", machine=given.machine_file)
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
     sections = [section, doc.next_steps((first, doc.Instruction("Compare the two.", compare)))]
     page = doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)

@@ -6,7 +6,6 @@ The calibration report shows the same notice, advice and tables once the adjustm
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
@@ -52,7 +51,7 @@ def verification_document(result: Verification, identity: Identity) -> doc.Docum
 
 def _says(result: Verification) -> Callable[[Reason], str]:
     """Composes the sentence for a reason, in the words of the machine."""
-    return partial(sentence, machine=result.inputs[1][1].machine)
+    return partial(sentence, machine=result.inputs[1].model.machine)
 
 
 def _screen(result: Verification) -> doc.Page:
@@ -68,7 +67,7 @@ def _screen(result: Verification) -> doc.Page:
     # Their title says what the notice above does.
     figure = left_figure(result)
     differences = [*figure.plain[1:]] if figure else []
-    steps = verification_steps(result, None, brief=True)
+    steps = verification_steps(result, brief=True)
     last = doc.next_steps(steps, "More: the same with --details")
 
     def page() -> doc.Page:
@@ -81,7 +80,7 @@ def _screen(result: Verification) -> doc.Page:
 
 def _page(result: Verification, identity: Identity) -> doc.Page:
     recorded = [(side, side.validity) for side in (result.before, result.after)]
-    page = signed_page("Verification report", result.inputs[1][1].machine, identity, recorded)
+    page = signed_page("Verification report", result.inputs[1].model.machine, identity, recorded)
     measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     return replace(
         page,
@@ -151,19 +150,18 @@ def _size(result: Verification, size_mm: float) -> str:
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
 
-def verification_steps(
-    result: Verification, machine_file: Path | None, *, brief: bool = False
-) -> Iterator[doc.Instruction]:
+def verification_steps(result: Verification, *, brief: bool = False) -> Iterator[doc.Instruction]:
     """Next steps after the adjustment was measured.
 
     `brief` is for a screen, which says the answer above and is no report.
     """
     before, after = result.before.path, result.after.path
+    machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
     if not result.kept:
         if any(reason.code == "order_as_given" for reason in result.reservations):
             typed = command("report", after, machine=machine_file, after=before)
-            typed = command("verify", after, before) if brief else typed
+            typed = command("verify", after, before, machine=machine_file) if brief else typed
             yield doc.Instruction(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", after, machine=machine_file)
@@ -254,7 +252,7 @@ def _decision(made: Conformity) -> str:
 def parameters_left(result: Verification) -> doc.Section:
     """Each parameter as found, as entered, and what remains of it."""
     rows, decimals = result.parameters.values(), _decimals(result) if result.differences else 4
-    unit = result.inputs[1][1].machine.common_unit
+    unit = result.inputs[1].model.machine.common_unit
     entered = [row.entered for row in rows]
     now = [None if row.entered is None else row.before + row.entered for row in rows]
     columns: dict[str, list[doc.Blank]] = {
@@ -340,4 +338,4 @@ def compared_inputs(result: Verification) -> Iterator[tuple[str, doc.Blank]]:
 def _data(result: Verification) -> list[str]:
     """How much of what each of the two measurements holds."""
     sides = zip((result.before, result.after), result.inputs, strict=True)
-    return [data_words(source, given.kind, given.readings) for given, (source, _) in sides]
+    return [data_words(e.measured.source, side.kind, side.readings) for side, e in sides]
