@@ -14,7 +14,8 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
-from orthoglide_cal.estimation.budget import Budget, Contribution
+from orthoglide_cal.estimation.accuracy import Scatter
+from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
@@ -92,10 +93,18 @@ class Diagnosis(Decision):
 
     @property
     def budget(self) -> Budget:
-        """Their uncertainty by source; what the verdict leaves open comes last."""
-        known = self.left_open[0][1].budget(self.model.machine.instrument)
-        left = self.covariance_mm2 - known.covariance_mm2
-        return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
+        """Their uncertainty by source; what causes, then the verdict, leave open comes last."""
+        (_, fit), *_ = self.left_open
+        estimator = fit.covariance[: len(fit.offsets)] @ fit.columns.T / fit.sigma**2
+        gauge, scatter = self.model.machine.instrument, Scatter(fit.sigma, np.inf)
+        budget = budget_of(estimator, gauge, scatter, fit.uncertain)
+        causes = " and ".join(e.cause.id for e in fit.effects if e.covariance is not None)
+        beyond = {causes: fit.offsets_covariance} if causes else {}
+        beyond[Origin.EXPLANATIONS] = self.covariance_mm2
+        for source, covariance in beyond.items():
+            left = covariance - budget.covariance_mm2
+            budget = budget.extended([Contribution.beyond(source, left)])
+        return budget
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
         """Contributions to the uncertainty of a solution's offsets for these data, by cause.

@@ -225,7 +225,7 @@ def baselines(white: Whitened, later: Later | None) -> dict[str, float]:
     enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
     if later is None:
         errors, number = [], np.cumsum(touch) - 1
-        for patch in (patch for patches in left_out(white) for patch in patches):
+        for patch in left_out(white):
             omitted = number[patch[touch[patch]]]
             rest = np.setdiff1d(np.arange(len(left)), omitted)
             if omitted.size and enough:
