@@ -62,7 +62,7 @@ def sheet(case: Case) -> str:
     # Light, and no rules of paper.
     dark = r"@media screen and \(prefers-color-scheme: dark\) \{.*?\n\}\n"
     style = re.sub(dark, "", style, flags=re.DOTALL)
-    style = style[: style.index("@page")].replace("body {", ".page {").replace(":root {", ".page {")
+    style = re.sub(r"(?m)^(body|:root) \{", ".page {", style[: style.index("@page")])
     inside = f'<div xmlns="http://www.w3.org/1999/xhtml" class="page">{first}</main></div>'
     back = f'<rect width="{SHEET[0]}" height="{SHEET[1]}" fill="#ffffff"/>'
     page = f'<foreignObject width="{SHEET[0]}" height="{SHEET[1]}">{inside}</foreignObject>'

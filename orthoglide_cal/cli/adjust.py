@@ -27,7 +27,6 @@ def adjust(
     from orthoglide_cal.planning.adjustment import choose_adjustments
     from orthoglide_cal.report.documents.short import adjustment_document
     from orthoglide_cal.results.answer import InputFile, MachineName
-    from orthoglide_cal.results.validity import validity
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
 
     if session == "-":
@@ -44,7 +43,7 @@ def adjust(
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         released(common.judged(given, diagnosed=diagnosis))
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
-    if validity(given).simulated:
+    if given.measured.source.simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
     begin = partial(open_adjustments, given, id, adjustments, tuple(gauge or ()), resume)
     with guided(begin, "adjust", json, machine, f"--cause {id}") as dialogue:

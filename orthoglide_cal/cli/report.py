@@ -53,8 +53,7 @@ def report(
         right = command("report", after, machine=machine, after=path, applied=applied, limit=limit)
         left = common.judged(later, details=True)
         with common.working(f"{path}, {after}"):
-            compared = verify(given, later, applied, limit, adjusted_since(given), right)
-        verification = compared.changed(workspace=left.answer.workspace)
+            verification = verify(given, later, applied, limit, adjusted_since(given), right)
         judged, options = [*judged, *verification.inputs], verification.options or options
     identity = identify(judged, case.answer.method, machine, *options)
     document = calibration_document(case, identity, verification, limit, left)

@@ -8,7 +8,7 @@ from datetime import datetime
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command
+from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
@@ -97,11 +97,6 @@ class Case:
         named = [CAUSES[cause.id] for cause in sure]
         lasting = [cause for cause in named if cause.in_machine and cause.lasting]
         return (*(effect.cause for effect in self.given.model.remaining()), *lasting)
-
-    @property
-    def data_words(self) -> str:
-        """How much of what was measured."""
-        return data_words(self.source, self.answer.input.kind, self.answer.input.readings)
 
     @property
     def method(self) -> str | None:
@@ -237,6 +232,20 @@ def data_words(source: Source | None, kind: str, count: int) -> str:
     return counted(count, noun) + of_what
 
 
+def input_words(given: Input) -> str:
+    """How much of what one measurement holds."""
+    return data_words(given.measured.source, given.measured.kind, len(given.measured))
+
+
+def origin(inputs: Sequence[Input]) -> Iterator[tuple[str, doc.Blank]]:
+    """Where one measurement comes from, or before and after: file, how much of what, digest."""
+    names = ("Before", "After") if len(inputs) > 1 else ("Input",)
+    for name, given in zip(names, inputs, strict=True):
+        source = given.measured.source
+        yield name, doc.given(f"{file_words(source.path)} ({input_words(given)})")
+        yield "SHA-256", doc.code(source.sha256)
+
+
 def comparison_words(single: bool) -> tuple[str, str]:
     """The kind of differences that are promised, and the meaning of their names."""
     if single:
@@ -255,13 +264,13 @@ def signed_page(
     machine: Machine,
     identity: Identity,
     inputs: Sequence[tuple[InputFile, Validity]],
+    simulated: bool,
 ) -> doc.Page:
     """The beginning of a numbered page: its subject, and the conditions under which it holds.
 
     Its `inputs` are one measurement, or before and after; of simulated ones it is no report.
     """
     words = machine.vocabulary
-    simulated = any(validity.simulated for _, validity in inputs)
     number = ("Number", doc.code(identity.number))
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
     first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)

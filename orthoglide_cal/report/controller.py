@@ -78,7 +78,7 @@ def _text(case: Case) -> Iterator[str]:
     yield from (
         "",
         f"{case.words.title}{unit} ({case.words.relation}; U: expanded"
-        f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
+        f" uncertainty, {coverage_words(answer.k or 0.0)}, 95 %)",
     )
     yield from ("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
     yield ""

@@ -1,5 +1,4 @@
-"""What figures are made of; maps of errors and residuals, the machine, and which causes can be
-distinguished.
+"""What figures are made of; maps of errors and residuals, and the machine.
 
 Drawing functions take plain values and return pictures; every number that a picture writes, but
 those of its axes, is one that it was given.
@@ -7,7 +6,6 @@ those of its axes, is one that it was given.
 
 import itertools
 import math
-import string
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -320,6 +318,19 @@ _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
 _TOWARDS = _ON_PAPER / np.linalg.norm(_ON_PAPER, axis=1, keepdims=True)
 
 
+def _rail(leg: int, start: Floats, stop: Floats, carriage: Floats, *on_it: Html) -> Html:
+    """A rail with its name behind the end, its carriage, and what belongs to it."""
+    x, y = stop + 12.0 * _TOWARDS[leg]
+    return tag(
+        "g",
+        line(start, stop, "rail"),
+        *on_it,
+        rectangle(carriage[0] - 7.0, carriage[1] - 7.0, 14.0, 14.0, "carriage"),
+        words(x, y + 4.0, AXES[leg], "middle", "axis"),
+        class_=f"c-{AXES[leg]}",
+    )
+
+
 def machine_sketch(
     leg_length_mm: float,
     joint_limits_mm: tuple[float, float],
@@ -336,19 +347,11 @@ def machine_sketch(
     # Even displacements of the carriage leave the picture readable only up to here.
     end = min(high, 1.0 + 34.0 / _LEG)
     parts: list[Html] = []
-    for leg, axis in enumerate(AXES):
-        start, stop, joint, (x, y) = (
-            tool + place * _LEG * _ON_PAPER[leg] for place in (low, end, 1.0, end + 0.10)
-        )
+    for leg in range(3):
+        start, stop, joint = (tool + place * _LEG * _ON_PAPER[leg] for place in (low, end, 1.0))
         side = 4.0 * np.array([-_TOWARDS[leg, 1], _TOWARDS[leg, 0]])
-        drawn = [
-            line(start, stop, "rail"),
-            line(joint + side, tool + side, "bar"),
-            line(joint - side, tool - side, "bar"),
-            rectangle(joint[0] - 7.0, joint[1] - 7.0, 14.0, 14.0, "carriage"),
-            words(x, y + 4.0, axis, "middle", "axis"),
-        ]
-        parts.append(tag("g", *drawn, class_=f"c-{axis}"))
+        bars = (line(joint + way * side, tool + way * side, "bar") for way in (1.0, -1.0))
+        parts.append(_rail(leg, start, stop, joint, *bars))
     parts.append(tag("circle", cx=tool[0], cy=tool[1], r=8.0, class_="tool"))
     dials: list[Floats] = []
     for leg, direction, place in gauges:
@@ -390,12 +393,8 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
     parts: list[Html] = []
     taken: list[Floats] = []  # places on the paper where something is drawn
     for rail, axis in enumerate(AXES):
-        start, stop, (x, y) = (
-            on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR, _FAR + 12.0)
-        )
-        drawn = [line(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")]
-        drawn.append(rectangle(start[0] - 6.0, start[1] - 6.0, 12.0, 12.0, "carriage"))
-        parts.append(tag("g", *drawn, class_=f"c-{axis}"))
+        start, stop = (on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR))
+        parts.append(_rail(rail, start, stop, start))
         taken += [*np.linspace(start, stop, 29)]
         for shim in (one for one in shims if one.rail == axis):
             way = _TOWARDS[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)
@@ -481,40 +480,3 @@ def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
         yield rectangle(203.0 + moved[0], base - 9.0, 18.0, 18.0, "outline")
         yield arrow(above, above + moved)
         yield words(right + 14.0, base + 5.0, parameter, "middle", "axis")
-
-
-# --- causes that can be distinguished -----------------------------------------------------------
-
-_SHADES, _SHADE_LIMITS = "█▓▒ ", (1.0, 2.0, 4.0)  # the darker, the less two are distinguished
-_MOST = 99  # σ beyond which the number says nothing more
-_LEGEND = (
-    "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
-    f"–: from a sound machine; {_MOST}: or more",
-)
-
-
-def separation_lines(
-    trace: Mapping[str, float], sigma: Mapping[tuple[str, str], float]
-) -> tuple[str, ...]:
-    """How far each cause stands from the others: the lower half of a table, in characters.
-
-    Args:
-        trace: of each from a sound machine; at most 26.
-        sigma: between each pair, in the same order.
-
-    >>> print("\\n".join(separation_lines({"a": 1.0, "bc": 1.0}, {("a", "bc"): 3.2})))
-            –   A
-    A a   ▓ 1
-    B bc  ▓ 1 ▒ 3
-    Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
-    –: from a sound machine; 99: or more
-    """
-    names, room, letters = [*trace], max(map(len, trace)), string.ascii_uppercase[: len(trace)]
-    lines = ["".join((" " * (room + 4), *(f"  {letter} " for letter in ("–", *letters[:-1]))))]
-    for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
-        cells = ""
-        for value in (trace[name], *(sigma[other, name] for other in names[:k])):
-            shade = _SHADES[np.searchsorted(_SHADE_LIMITS, value, "right")]
-            cells += f"{shade}{min(int(value), _MOST) or '<1':>2} "
-        lines.append(f"{letter} {name:<{room}}  {cells}")
-    return (*map(str.rstrip, lines), *_LEGEND)

@@ -15,7 +15,6 @@ from orthoglide_cal.report.escape import Html, join, tag
 
 _COLUMNS = {0: "half", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
-MOST_PANELS = 3  # of a picture in half the width of a wide screen
 # What must not break: a date, a coordinate behind its sign, a value before its uncertainty.
 _U = r"± \d[\d.]*(?: (?:mm|µm|mrad)(?:/\w+)?\b)?"
 _SIGNED = rf"(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: {_U})?"
@@ -68,12 +67,9 @@ def html(page: doc.Page) -> str:
 
 def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
     for section in sections:
-        # Many panels take the whole width of a wide screen, where others stand side by side.
-        pictures = (block for block in section.blocks if isinstance(block, doc.Figure))
-        wide = "wide" if any(len(block.panels) > MOST_PANELS for block in pictures) else None
         title = tag("h2", section.title) if section.title is not None else None
         if section.blocks:
-            yield tag("section", title, *map(_block, section.blocks), class_=wide)
+            yield tag("section", title, *map(_block, section.blocks))
 
 
 def _block(block: doc.Block) -> Html:
@@ -91,8 +87,7 @@ def _block(block: doc.Block) -> Html:
             # Beside what scrolls: a wide table on a narrow page does not take its caption along.
             caption = tag("p", block.caption, class_="small") if block.caption else None
             whole = "whole" if len(block.rows) < 25 and not block.tiles else None
-            shown = _tiles(block) if block.tiles else _table(block)
-            return tag("div", shown, caption, class_=whole)
+            return tag("div", _table(block), caption, class_=whole)
         case doc.Figure():
             return tag(
                 "figure",
@@ -123,7 +118,7 @@ def _table(grid: doc.Grid) -> Html:
         for title, kind in zip(grid.head, kinds, strict=True)
     ]
     head = tag("thead", tag("tr", *heads)) if any(grid.head) else None
-    many = "many" if len(kinds) > MOST_NARROW or head is None else None
+    stacked = (len(kinds) > MOST_NARROW or head is None) and not grid.tiles
     rows = []
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
@@ -135,24 +130,12 @@ def _table(grid: doc.Grid) -> Html:
         rows.append(tag("tr", tag(name, _line(first), scope=scope, class_=kinds[0]), *cells))
     return tag(
         "div",
-        tag("table", head, tag("tbody", *rows), class_=many),
-        class_="scroll",
+        tag("table", head, tag("tbody", *rows), class_="many" if stacked else None),
+        class_="tiles" if grid.tiles else "scroll",
         tabindex="0",
         role="region",
         aria_label=grid.caption or " ".join(grid.head).strip() or "table",
     )
-
-
-def _tiles(grid: doc.Grid) -> Html:
-    """A name never leaves its value, however narrow the page."""
-    tiles = []
-    for name, *others, value in grid.rows:
-        shown = tag("p", tag("span", _line(name)), " ", tag("b", _line(value)), class_="value")
-        label = tag("p", grid.head[-1], class_="small label")
-        pairs = zip(grid.head[1:-1], others, strict=True)
-        below = (tag("p", f"{title} ", _line(cell), class_="small") for title, cell in pairs)
-        tiles.append(tag("div", shown, label, *below, class_="tile"))
-    return tag("div", *tiles, class_="tiles")
 
 
 def _line(content: doc.Blank) -> Html:

@@ -72,7 +72,7 @@ class _Lines:
                 yield Text()
             begun = True
             if section.title is not None:
-                yield from self._flow(doc.strong(section.title))
+                yield from self._paragraph(doc.strong(section.title))
             close = section.title is None and not headed
             for number, block in enumerate(section.blocks):
                 if number and isinstance(block, doc.Grid | doc.Facts | doc.Figure) and not close:
@@ -101,46 +101,41 @@ class _Lines:
                 yield from (Text(visible(line)) for line in block.lines)
             case doc.Instructions():
                 for number, item in enumerate(block.items, start=1):
-                    first = f"{_GAP}{number}. "
-                    yield from self._instruction(item, first, " " * len(first))
+                    yield from self._instruction(item, f"{_GAP}{number}. ")
             case _:
-                yield from _hung(self._flow(block, len(indent)), indent, indent)
+                yield from self._paragraph(block, indent, indent)
 
-    def _instruction(self, item: doc.Instruction, first: str, rest: str) -> Iterator[Text]:
+    def _instruction(self, item: doc.Instruction, first: str) -> Iterator[Text]:
         """A step; its command stands behind it where both fit on one line."""
-        *lines, last = _hung(self._flow(item.content, len(first)), first, rest)
-        yield from lines
-        if not item.command:
-            yield last
-            return
-        typed = Text(visible(item.command), _STYLES["typed"])
-        free = self._width - typed.cell_len
-        if lines or last.cell_len + len(_GAP) > free:
-            yield last
-            yield Text.assemble(rest, typed)
-        else:
-            space = max(min(_TYPED_AT, free) - last.cell_len, len(_GAP))
+        rest = " " * len(first)
+        *lines, last = self._paragraph(item.content, first, rest)
+        typed = Text(visible(item.command or ""), _STYLES["typed"])
+        free = self._width - typed.cell_len - last.cell_len
+        if typed and not lines and free >= len(_GAP):
+            space = min(max(_TYPED_AT - last.cell_len, len(_GAP)), free)
             yield Text.assemble(last, " " * space, typed)
+        else:
+            yield from (*lines, last, *[Text.assemble(rest, typed)] * bool(typed))
 
-    def _flow(self, content: doc.Blank, taken: int = 0, style: str = "") -> list[Text]:
+    def _paragraph(
+        self, content: doc.Blank, first: str | Text = "", rest: str = "", style: str = ""
+    ) -> Iterator[Text]:
         """A line of the page on as many lines as it takes; its command stays whole.
 
-        So many columns of the console's width are `taken` by what stands in front.
+        `first` and `rest` stand in front of its lines.
         """
         parts = doc.parts_of(content)
         whole = (k for k, part in enumerate(parts) if part.style in ("typed", "blank"))
         end = next(whole, len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
-        lines = _wrapped(sentence, self._width - taken)
-        if command:
-            # Wrapping took the blank between the two away.
-            space = " " if sentence.plain.endswith(" ") else ""
-            lines[-1] = Text.assemble(lines[-1], space, command)
-        return lines
+        *lines, last = _wrapped(sentence, self._width - len(first))
+        # Wrapping took the blank between the two away.
+        space = " " * (bool(command) and sentence.plain.endswith(" "))
+        return _hung([*lines, Text.assemble(last, space, command)], first, rest)
 
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
         sign = Text(notice.tone.sign, f"bold {_COLOURS[notice.tone]}")
-        *above, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
+        *above, last = self._paragraph(notice.title, sign, _GAP, "bold")
         aside, lines = _text(notice.aside), notice.lines
         space = self._width - last.cell_len - aside.cell_len
         if space >= len(_GAP):
@@ -149,7 +144,7 @@ class _Lines:
             lines = (notice.aside, *lines)
         yield from (*above, last)
         for line in lines:
-            yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
+            yield from self._paragraph(line, _GAP, _GAP)
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
         """The table, its columns of words squeezed; its rows as sentences where it is too wide."""
@@ -172,7 +167,7 @@ class _Lines:
                 texts = [_wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
                 yield from _hung(_row(texts, widths, grid.words), _GAP, _GAP)
         if grid.caption:
-            yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
+            yield from self._paragraph(grid.caption, _GAP, _GAP, "dim")
 
 
 def _text(content: doc.Blank, style: str = "") -> Text:

@@ -111,7 +111,7 @@ class Alone(Schema):
 
 
 class Residue(Schema):
-    """r.m.s. of the data, and what the parameters (with the causes found) leave of them."""
+    """r.m.s. of data, and what the parameters (with the causes found) leave of them."""
 
     before_mm: float
     after_mm: float
@@ -129,14 +129,6 @@ class Noise(Schema):
     p_value: float | None = Field(
         description="of a larger residual from noise and local shape as stated"
     )
-
-
-class Spread(Schema):
-    """Size of all deviations together."""
-
-    rms_mm: float
-    largest_mm: float
-    largest: str = Field(description="which it is")
 
 
 class Shim(Schema):
@@ -225,6 +217,7 @@ class Answer(Schema):
     inputs: tuple[InputFile, ...] = Field((), description="of --together, oldest first")
     dates: tuple[OfDate, ...] = Field((), description="of --together: parameters of each date")
     machine: MachineName
+    simulated: bool = Field(description="a simulator made readings: never exported, nor written")
     method: str | None = Field(None, description="null: there is no result")
     verdict: Verdict | None = Field(None, description="null: there is no result")
     refuted: Sentence | None = Field(
@@ -237,7 +230,6 @@ class Answer(Schema):
     parameters: tuple[Parameter, ...] = ()
     decimals: int = Field(3, description="of what is entered")
     k: float | None = Field(None, description="coverage factor U/u")
-    confidence: float = 0.95
     dof: int | None = Field(None, description="of k; null: normal distribution")
     correlation: tuple[tuple[float, ...], ...] = ()
     sigma_rho_mm: float | None = Field(None, description="√(trace/3) of joint offsets")
@@ -245,8 +237,7 @@ class Answer(Schema):
     rms: Residue | None = None
     noise: Noise | None = None
     deviations: tuple[PromisedDifference, ...] = ()
-    as_found: Spread | None = Field(None, description="of the deviations as measured")
-    expected: Spread | None = Field(None, description="of the deviations after entering")
+    deviations_rms: Residue | None = Field(None, description="as measured, and after entering")
     budget: tuple[Contribution, ...] = ()
     total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
@@ -282,11 +273,6 @@ class Answer(Schema):
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )
     notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
-
-    @computed_field(description="a simulator made readings: never exported, nor written")
-    @property
-    def simulated(self) -> bool:
-        return self.validity.simulated
 
     @property
     def beyond(self) -> tuple[FoundPattern, ...]:

@@ -12,7 +12,7 @@ they may be entered, and if not what to do, is decided here, too.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -95,6 +95,7 @@ def answer_to(
         "input": schema.InputFile.of(given),
         "machine": schema.MachineName(name=machine.name, kind=machine.kind),
         "validity": conditions,
+        "simulated": measured.source.simulated,
     }
     try:
         require_settings(measured)
@@ -193,8 +194,7 @@ def answer_to(
             p_value=p_value,
         ),
         deviations=rows,
-        as_found=_spread({row.name: row.measured_mm for row in rows}),
-        expected=_spread({row.name: row.expected_mm for row in rows}),
+        deviations_rms=_of_deviations(rows),
         budget=lines,
         total=total,
         converged=solution.converged,
@@ -243,7 +243,9 @@ def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ())
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
     """The parameters under what the diagnosis found."""
-    model = with_causes(given.model, diagnosis)
+    model = given.model
+    if diagnosis.verdict is Verdict.NAMED:
+        model = model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
@@ -253,13 +255,6 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
     return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
-
-
-def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
-    """The machine with the lasting causes that a diagnosis names in it."""
-    if diagnosis.verdict is not Verdict.NAMED:
-        return model
-    return model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
@@ -332,13 +327,12 @@ def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
 
 
-def _spread(values: Mapping[str, float]) -> schema.Spread | None:
-    """Size of named deviations all together; None without any."""
-    if not values:
+def _of_deviations(rows: Sequence[PromisedDifference]) -> schema.Residue | None:
+    """r.m.s. of all of them together; None without any."""
+    if not rows:
         return None
-    largest = max(values, key=lambda name: abs(values[name]))
-    size = rms(np.array([*values.values()]))
-    return schema.Spread(rms_mm=size, largest_mm=values[largest], largest=largest)
+    sizes = np.array([(row.measured_mm, row.expected_mm) for row in rows]).T
+    return schema.Residue(before_mm=rms(sizes[0]), after_mm=rms(sizes[1]))
 
 
 def _residuals(

@@ -32,7 +32,6 @@ class Validity(Schema):
     gauges: tuple[UsedGauge, ...]
     temperature_start_c: float | None
     temperature_end_c: float | None
-    simulated: bool
     reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
 
     @property
@@ -62,7 +61,6 @@ def validity(given: Input) -> Validity:
         gauges=tuple(gauges),
         temperature_start_c=start,
         temperature_end_c=end,
-        simulated=given.measured.source.simulated,
         reservations=tuple(_reservations(given, gauges)),
     )
 

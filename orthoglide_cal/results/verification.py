@@ -25,7 +25,7 @@ from enum import StrEnum
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field, InstanceOf, computed_field
+from pydantic import Field, InstanceOf
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
@@ -45,7 +45,6 @@ from orthoglide_cal.model.measured import DataKind, Measured, Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.results.history import moment_of, precedes, wrong_order
@@ -92,9 +91,7 @@ class Coefficient(Schema):
     """A number with its 95 % Student-t interval; theory says 1."""
 
     value: float
-    std: float
     ci95: tuple[float, float]
-    agrees: bool  # the interval holds 1
 
 
 class AxisResponse(Schema):
@@ -149,27 +146,10 @@ class ComparedDifference(Schema):
 class Conformity(Schema):
     """Conformity with a stated limit."""
 
-    outcome: Outcome
+    outcome: Outcome  # the worst of all differences
     limit_mm: float
-    largest_mm: float
-    largest_difference: str
-    expanded_mm: float
     coverage_factor: float = NORMAL_K
-    passable: bool  # false: U is beyond the limit, so nothing can pass
     rule: Sentence = Reason.of("guard_band")
-
-    @classmethod
-    def of(cls, rows: Sequence[ComparedDifference], limit_mm: float) -> Self:
-        """The limit is kept if each deviation keeps it."""
-        largest = max(rows, key=lambda row: abs(row.after_mm))
-        return cls(
-            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
-            limit_mm=limit_mm,
-            largest_mm=abs(largest.after_mm),
-            largest_difference=largest.difference,
-            expanded_mm=largest.expanded_mm,
-            passable=all(row.expanded_mm <= limit_mm for row in rows),
-        )
 
 
 class Verification(Schema):
@@ -180,6 +160,7 @@ class Verification(Schema):
 
     inputs: tuple[InstanceOf[Input], InstanceOf[Input]] = Field(exclude=True, repr=False)
     schema_version: Literal[1] = 1
+    simulated: bool  # one of the two, or both
     before: ComparedInput
     after: ComparedInput
     machine: str
@@ -209,13 +190,6 @@ class Verification(Schema):
     acted_as_mm: dict[str, float] | None = None
     other_change: OtherChange | None = None
     decision: Conformity | None = None
-    # Of the machine as measured afterwards: its before_mm; reports.
-    workspace: Workspace | None = None
-
-    @computed_field  # of one of the two, or both
-    @property
-    def simulated(self) -> bool:
-        return self.before.validity.simulated or self.after.validity.simulated
 
     @property
     def failed(self) -> bool:
@@ -325,7 +299,12 @@ def verify(
         corrected=corrected,
         differences=rows,
         **response,
-        decision=None if limit_mm is None else Conformity.of(rows, limit_mm),
+        decision=None
+        if limit_mm is None
+        else Conformity(
+            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
+            limit_mm=limit_mm,
+        ),
     )
 
 
@@ -402,6 +381,7 @@ def _common(
     reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
+        "simulated": any(given.measured.source.simulated for given in inputs),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
@@ -640,10 +620,6 @@ def _regress(
     left, spare = float(residual @ residual), len(change) - len(sizes)
     # No reading is known better than its gauge's resolution allows.
     sigma = max(math.sqrt(left / spare), gauge.rounding_mm)
-    reach, coefficients = half_width(spare), []
-    for value, length in zip(sizes.tolist(), np.linalg.norm(inverse, axis=1).tolist(), strict=True):
-        std = sigma * length
-        interval = value - reach * std, value + reach * std
-        agrees = interval[0] <= 1.0 <= interval[1]
-        coefficients.append(Coefficient(value=value, std=std, ci95=interval, agrees=agrees))
-    return coefficients, left, spare
+    reach = half_width(spare) * sigma * np.linalg.norm(inverse, axis=1)
+    rows = np.stack((sizes, sizes - reach, sizes + reach), axis=1).tolist()
+    return [Coefficient(value=value, ci95=ends) for value, *ends in rows], left, spare

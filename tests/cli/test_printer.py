@@ -249,7 +249,7 @@ def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     said = page("diagnose", "belt.csv", *MACHINE, "--details")
     shown = re.search(r"encoder_scale: a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
     assert float(shown[1]) == pytest.approx(1.96 * std, rel=0.06)
-    assert "± U, 95 %" in said
+    assert "U: expanded uncertainty" in said
 
 
 def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:

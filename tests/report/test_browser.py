@@ -79,7 +79,7 @@ def test_what_to_enter_stands_on_the_first_screen(
     chromium: Browser, pages: dict[str, Path], width: int, height: int
 ):
     chromium.open(pages["healthy"], width=width)
-    below = [bottom for *_, bottom in chromium.evaluate("boxes('.tile')")]
+    below = [bottom for *_, bottom in chromium.evaluate("boxes('.tiles tbody tr')")]
     assert len(below) == 3
     assert max(below) < height
 

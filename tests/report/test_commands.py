@@ -68,7 +68,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     limited = answer("report", healthy, "--limit", 0.1)
     assert (limited["limit_mm"], limited["after"]) == (0.1, None)
     # The map afterwards is that of the machine as it was measured then.
-    errors = found["answer"]["workspace"], found["after"]["workspace"]
+    errors = found["answer"]["workspace"], found["as_left"]["workspace"]
     assert errors[1]["before_mm"] < 0.1 * errors[0]["before_mm"]
     assert errors[1]["before_mm"] != errors[0]["after_mm"]
 

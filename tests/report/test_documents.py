@@ -48,7 +48,8 @@ def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
 def test_the_green_tick_is_for_what_the_offsets_put_right() -> None:
     """Offsets do not remove an accepted gap: said on every page, with the table that does."""
     found = case_of(given(session(TRUE, 11, GAPED), GAPED))
-    left = f"Offsets do not remove axis_gap: {two_figures(found.answer.expected.rms_mm)} mm r.m.s."
+    size = two_figures(found.answer.deviations_rms.after_mm)
+    left = f"Offsets do not remove axis_gap: {size} mm r.m.s."
     for document in (solution_document(found), report_of(found)):
         page = document.page()
         assert page.notice.tone is doc.Tone.WARN

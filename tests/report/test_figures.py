@@ -48,8 +48,8 @@ def test_residual_panels_one_scale_and_named_worst():
     assert (float(x), float(y)) in marks(ringed.replace(' r="9"', ""))
     assert "direction z" in ringed
     # Over time a reading stands where its time is; one whose time is not known is left out.
-    minutes = np.array([*range(7), np.nan])
-    timed = panels({"a": left}, over=("min", minutes), shown=[7])[0]
+    when = [row.changed(minutes=m) for row, m in zip(rows, (*range(7), None), strict=True)]
+    timed = pictures.reading_panels(when, {"a": left}, over="minutes", shown=[7])[0]
     places = [x for x, _ in marks(timed)]
     assert np.diff(sorted(places)) == pytest.approx([places[1] - places[0]] * 2, abs=0.02)
     # Differences share one panel, each at its name.
@@ -61,14 +61,14 @@ def test_residual_panels_one_scale_and_named_worst():
 def test_a_pattern_is_a_line_with_its_uncertainty_where_it_acts():
     rows = [
         Residual(leg="y", direction=direction, order=k + 1, measured_mm=0.0, modelled_mm=0.0,
-                 cycle=1)
+                 cycle=1, minutes=(None, 3.0, 2.0, 1.0, 1.0)[k])
         for k, direction in enumerate("xxxxz")
     ]  # fmt: skip
-    over, values = np.array([np.nan, 3.0, 2.0, 1.0, 1.0]), 0.01 * np.arange(5.0) + 0.001
+    values = 0.01 * np.arange(5.0) + 0.001
     effect, reach = 0.01 * np.arange(5.0), np.array([0.002] * 4 + [0.0])
     (drawn,) = pictures.reading_panels(
-        rows, {"": values}, "Pattern", "It drifts.", over=("min", over),
-        effect_mm=(effect, reach), shown=[0, 1, 2, 3], ringed=[2],
+        rows, {"It drifts": values}, over="minutes", effect_mm=(effect, reach),
+        shown=[0, 1, 2, 3], ringed=[2],
     )  # fmt: skip
     assert "direction x" in drawn
     line, band = (
@@ -230,7 +230,7 @@ def test_what_is_found_of_a_machine_is_drawn_to_its_sign():
     assert "x −0.080 ± 0.020 mm" in figures.parameter_sketch("cause", carriage)
 
 
-@pytest.mark.parametrize("module", [errors, case, figures, schema, words])
+@pytest.mark.parametrize("module", [errors, case, schema, words])
 def test_the_examples_in_docstrings_are_true(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

@@ -77,7 +77,8 @@ def drawn(case: Case) -> Iterator[float]:
         left = tuple(row.measured_mm - modelled for modelled in models)
         cells.setdefault(key, []).append(left)
         yield from map(abs, (*left, row.measured_mm, row.modelled_mm))
-        yield from (1000.0 * abs(size) for size in left)
+        patterns = (left[-1] + mm for mm in row.pattern_mm)
+        yield from (1000.0 * abs(size) for size in (*left, *patterns))
         yield from map(abs, (row.order, row.cycle, row.x_mm or 0.0, row.y_mm or 0.0))
     surfaces: dict[float | None, list[float]] = {}
     for row in case.answer.residuals:

@@ -148,11 +148,15 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
     assert ends.what[-1] in "0+-"
 
 
+def as_diagnosed(case: Case, diagnosis: Diagnosis) -> OffsetEstimate:
+    return making._as_diagnosed(case.given, diagnosis.alone, diagnosis)
+
+
 def test_the_promise_takes_what_was_found_into_account() -> None:
     """With a gap the diagnosed offsets leave something: the check says what, as simulation does."""
     case = cases.named_in_machine()
     answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
-    model, noise = making.with_causes(case.given.model, diagnosis), diagnosis.left_open[0][1].sigma
+    model, noise = as_diagnosed(case, diagnosis).model, diagnosis.left_open[0][1].sigma
     known = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, Scatter(noise, np.inf))
     entered = np.array([each.change(answer.decimals) for each in answer.parameters])
     promised = [row.expanded_mm for row in promise(measured, known, entered)]
@@ -268,7 +272,7 @@ def test_offsets_and_causes_keep_their_correlations() -> None:
     """The page's "at most" after the adjustment, from the covariance of the diagnosis."""
     case = cases.named_in_machine()
     answer, diagnosis = case.answer, diagnosis_of(case)
-    covariance, model = diagnosis.covariance_mm2, making.with_causes(case.given.model, diagnosis)
+    covariance, model = diagnosis.covariance_mm2, as_diagnosed(case, diagnosis).model
     correlation = covariance / np.outer(diagnosis.std_mm, diagnosis.std_mm)
     assert np.array(answer.correlation) == pytest.approx(correlation, rel=1e-9)
     assert np.abs(correlation - np.eye(3)).max() > 0.05
@@ -285,7 +289,7 @@ def test_offsets_and_causes_keep_their_correlations() -> None:
     assert np.abs(off).max() > 0.01 * np.diag(effect.covariance).max()
     assert effect.data_sha256 == case.source.sha256
     for other in (cases.named_in_measurement(), cases.ambiguous()):
-        assert making.with_causes(other.given.model, diagnosis_of(other)).accepted == ()
+        assert as_diagnosed(other, diagnosis_of(other)).model.accepted == ()
 
 
 def test_one_input_is_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from operator import attrgetter
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference import Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
@@ -26,11 +26,16 @@ from orthoglide_cal.report.case import (
     Case,
     check_words,
     comparison_words,
+    input_words,
     measure_again,
     size_words,
     sizes_words,
 )
-from orthoglide_cal.report.documents.pictures import brief_residuals, residual_blocks
+from orthoglide_cal.report.documents.pictures import (
+    brief_residuals,
+    differences_figure,
+    residual_blocks,
+)
 from orthoglide_cal.report.sentences import SOURCES, pattern_name, pattern_words
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
@@ -62,8 +67,10 @@ _METHODS: Mapping[Method, str] = {
     Method.SINGLE_SEQUENTIAL: "eq. 11",
 }
 _NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
+_OPEN_VERDICTS = (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
 # Reasons that a headline says, too: below it stands what they mean.
 _MEANT = ("offsets_wrong", "cause_found", "undecided", "beyond_list")
+_BRIEF_NOTES = ("acts_too", "not_excluded")
 # What reduces a cause that may be there, and one whose size no reading shows.
 _OPEN = (
     "These readings hardly show it: measure with other {words.positions}, or state under"
@@ -115,16 +122,18 @@ def _document(
 def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide; where a screen has too few lines, what they mean gives way."""
     answer, release = case.answer, case.answer.release
-    enter, check = release.usable and release.needed, answer.check
-    parameters: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
+    enter = release.usable and release.needed
+    parameters: list[doc.Block | None] = [parameters_grid(case, brief=True), *open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
     notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
     if "gauge_doubt" in release.codes:
         notes = []  # it says the same
-    numbers = [] if release.settled else [*_improvement(case)]
+    numbers: list[doc.Block | None] = [_deviations(case), _residual_words(case)]
+    if release.settled:
+        numbers = []
     words = []
     if answer.deviations and not release.settled:
-        words.append(comparison_words(check is not None and check.ends)[1])
+        words.append(comparison_words(_by_ends(case))[1])
     if answer.budget and not enter:
         words.append("U: expanded uncertainty, 95 %.")
     if answer.judgement and answer.judgement.code == "residuals_agree" and enter:
@@ -133,10 +142,11 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     last = doc.next_steps(to_do(case, brief=True), _more(case, "solve"))
 
     def page() -> doc.Page:
-        blocks = [[*parameters, *largest, *notes], [*numbers, *meaning]]
+        first, second = [*parameters, *largest, *notes], [*numbers, *meaning]
         if not answer.deviations:  # one line needs no section
-            blocks = [[*parameters, *largest, *notes, *numbers]]
-        return replace(begun, sections=[*(doc.Section(None, *part) for part in blocks), last])
+            first, second = [*first, *numbers], []
+        both = doc.Section(None, *first), doc.Section(None, *second)
+        return replace(begun, sections=[*both, last])
 
     return fitting(page, meaning, largest, lines=_SOLVED - answer.simulated)
 
@@ -157,11 +167,7 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     again = []
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
         again.append(doc.Instruction("Then solve again, and enter only what it releases."))
-    notes = [case.says(note) for note in answer.notes if note.code == "acts_too"]
-    notes += _doubts(case, brief=True)
-    if answer.ruled_out:
-        notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
-    notes += [case.says(note) for note in answer.notes if note.code == "not_excluded"]
+    notes = [*_notes(case, brief=True)]
     known = (e for e in answer.parameters if e.determined)
     found = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
     it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
@@ -200,9 +206,7 @@ def _details(case: Case) -> Iterator[doc.Section]:
         *open_blocks(case),
         f"Correlations: {related}.{sigma}",
     )
-    single = answer.check is not None and answer.check.ends
-    title = f"Differences, {comparison_words(single)[0]}" if answer.deviations else None
-    yield doc.Section(title, *_improvement(case, full=True))
+    yield doc.Section(None, promised_figure(case), _residual_words(case))
     yield from evidence(case)
 
 
@@ -215,8 +219,10 @@ def evidence(case: Case) -> Iterator[doc.Section]:
         "Diagnosis",
         f"{headline(case).rstrip('.')}.",
         doc.Facts([*_fit_facts(case)]),
-        *_cause_blocks(case),
-        *_note_blocks(case),
+        _open_grid(case) if answer.verdict in _OPEN_VERDICTS else None,
+        *_sizes(case),
+        _rms_grid(case, late=True),
+        *map(doc.small, (*_notes(case), *_assumptions(case))),
     )
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
     yield from budget_sections(case.machine, answer.budget, answer.total)
@@ -263,7 +269,7 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
         # The headline says them.
         said = (meant, answer.refuted, answer.judgement)
         title, reasons = headline(case), tuple(e for e in reasons if e not in said)
-    about = [answer.machine.name, case.data_words]
+    about = [answer.machine.name, input_words(case.given)]
     if case.method is not None:
         about.append(f"method {case.method}")
     lines += map(case.says, reasons)
@@ -464,44 +470,64 @@ def open_blocks(case: Case) -> Iterator[str]:
         yield f"Not determined: {unknown.name}, {how}."
 
 
-def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
-    """Differences as measured and as expected after entering; residuals before and after."""
+def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | None:
+    """Each difference as found and as expected after entering; None where none is promised."""
+    answer = case.answer
+    sizes = answer.deviations_rms
+    if not (answer.deviations and sizes):
+        return None
+    rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
+    return differences_figure(rows, (sizes.before_mm, sizes.after_mm), _by_ends(case), limit_mm)
+
+
+def _by_ends(case: Case) -> bool:
+    """Whether the differences are of the tool end against the joint end."""
+    return case.answer.check is not None and case.answer.check.ends
+
+
+def _deviations(case: Case) -> doc.Grid | None:
+    """Differences as measured and as expected after entering, the largest ones, for a screen."""
     answer, rows = case.answer, case.answer.deviations
     raw, refused = answer.input.kind == DataKind.READINGS, not answer.release.usable
-    if len(rows) > _MOST_DIFFERENCES and not full:
+    sizes = answer.deviations_rms
+    if not (rows and sizes):
+        return None
+    if len(rows) > _MOST_DIFFERENCES:
         rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
-    if rows and answer.as_found is not None and answer.expected is not None:
-        digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        after = "if entered" if refused else "expected after"
-        found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
-        table = [
-            ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
-            (after, *(signed(row.expected_mm, digits) for row in rows), expected),
-        ]
-        if full or not refused:
-            table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
-        yield doc.Grid(("Deviation, mm", *(row.name for row in rows), "r.m.s."), table)
+    digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
+    after = "if entered" if refused else "expected after"
+    found, expected = (plain(mm, digits) for mm in (sizes.before_mm, sizes.after_mm))
+    table = [
+        ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
+        (after, *(signed(row.expected_mm, digits) for row in rows), expected),
+    ]
+    if not refused:
+        table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
+    return doc.Grid(("Deviation, mm", *(row.name for row in rows), "r.m.s."), table)
+
+
+def _residual_words(case: Case) -> str | None:
+    """Residuals before and after; of a refused result as the paper states them."""
+    answer = case.answer
     if answer.rms is None:
-        return
+        return None
     alone = next((state for state in answer.explanations if state.sound), None)
-    paper = alone if answer.input.kind == DataKind.SIX and refused else None
-    if full or paper is None:
-        of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
-        left = f"{plain(answer.rms.after_mm, 4)} after"
-        if answer.alone is not None:  # the causes stay when the parameters are entered
-            left = f"{plain(answer.alone.rms_after_mm, 4)} with {case.words.many} only,"
-            left += f" {plain(answer.rms.after_mm, 4)} with {' and '.join(answer.named)}"
-        before = plain(answer.rms.before_mm, 4)
-        yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left}."
-    if paper is not None:
-        values = " ".join(signed(row.found or 0.0, 2) for row in paper.parameters)
-        rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, paper.rms_mm or 0.0))
-        yield f"As in the paper (six equations): {values}, {rms} mm r.m.s."
+    if answer.input.kind == DataKind.SIX and not answer.release.usable and alone is not None:
+        values = " ".join(signed(row.found or 0.0, 2) for row in alone.parameters)
+        rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, alone.rms_mm or 0.0))
+        return f"As in the paper (six equations): {values}, {rms} mm r.m.s."
+    readings = "readings" if answer.input.kind == DataKind.READINGS else "differences"
+    left = f"{plain(answer.rms.after_mm, 4)} after"
+    if answer.alone is not None:  # the causes stay when the parameters are entered
+        left = f"{plain(answer.alone.rms_after_mm, 4)} with {case.words.many} only,"
+        left += f" {plain(answer.rms.after_mm, 4)} with {' and '.join(answer.named)}"
+    before = f"{plain(answer.rms.before_mm, 4)} mm r.m.s. before"
+    return f"Residuals of the {readings}{weighing(case.given.measured)}: {before}, {left}."
 
 
 def _largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
-    largest = _largest(case.answer.budget)
+    largest = Budget(case.answer.budget).largest
     name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
     if name in SOURCES:
         name = source_words(name, case.machine)[0]
@@ -528,18 +554,13 @@ def budget_sections(
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
     u = f"U = k·u, {coverage_words(total.k)}"
     rows.append((u, "", "", *map(two_figures, total.expanded)))
-    largest = _largest(lines)
+    largest = Budget(tuple(lines)).largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
     yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
-
-
-def _largest(lines: Sequence[Contribution]) -> Contribution:
-    """The source that adds most variance to all parameters together."""
-    return max(lines, key=lambda line: sum(std**2 for std in line.std))
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
@@ -665,41 +686,19 @@ def _open_grid(case: Case) -> doc.Grid:
     return doc.Grid((head, "r.m.s. left, mm", *names), rows)
 
 
-def _cause_blocks(case: Case) -> Iterator[doc.Block]:
-    """Open explanations; each cause with place and size; what all of them gain."""
-    answer = case.answer
-    if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED):
-        yield _open_grid(case)
-    yield from _sizes(case)
-    if answer.beyond or answer.causes:
-        yield _rms_grid(case, late=True)
-    if not answer.causes:
-        return
-    facts: list[tuple[str, doc.Blank]] = []
-    for cause in answer.causes:
-        facts.append((cause.id, case.title_of(cause.id, len(cause.parameters))))
-        if cause.id in case.machine.companions:
-            facts.append(("doubt", case.machine.companions[cause.id]))
-        if not cause.in_machine and cause.id != case.machine.shape:
-            facts.append(("note", "An error of the measurement: no controller corrects it."))
-        elif not cause.recommended:
-            facts.append(("note", "Accepting it as part of the machine is not recommended."))
-        if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
-            facts.append(("looks like", ", ".join(cause.aliases)))
-    share = percent(answer.causes[0].probability, 1)
-    nothing = nothing_wrong(answer.explanations)
-    if nothing is not None:
-        share += f"; {percent(nothing, 1)} that nothing is wrong at all"
-    facts.append(("probability", share))
-    sizes = [size for cause in answer.causes for size in cause.parameters]
-    if any(size.std for size in sizes):
-        facts.append(("±", "U, 95 %"))
-    yield doc.Facts(facts)
+def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
+    """What to know about the causes, faults that would not show, and remarks.
 
-
-def _doubts(case: Case, *, brief: bool = False) -> Iterator[str]:
-    """Faults that would not show and change little, and causes far beyond their size."""
+    `brief`: what one screen has room for, the least important last.
+    """
     answer, machine = case.answer, case.machine
+    for cause in () if brief else answer.causes:
+        if not cause.in_machine and cause.id != machine.shape:
+            yield f"{cause.id} is an error of the measurement: no controller corrects it."
+        elif not cause.recommended:
+            yield f"Accepting {cause.id} as part of the machine is not recommended."
+        if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
+            yield f"{cause.id} looks like {', '.join(cause.aliases)}."
     faults = [fault for fault in answer.unshown if not fault.matters]
     places = [f" ({fault.where})" if fault.where else "" for fault in faults]
     if brief and len(faults) > 1:
@@ -718,20 +717,21 @@ def _doubts(case: Case, *, brief: bool = False) -> Iterator[str]:
         real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
         check = f"look for {real}, or correct {key} in the machine file."
         yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
+    if answer.ruled_out:
+        yield f"Ruled out by hand: {listed(answer.ruled_out)}."
+    notes = [note for note in answer.notes if note.code in _BRIEF_NOTES or not brief]
+    remarks = [*notes, *answer.warnings * (not brief)]
+    known = answer.release.cautions
+    yield from dict.fromkeys(case.says(remark) for remark in remarks if remark not in known)
 
 
-def _note_blocks(case: Case) -> Iterator[doc.Block]:
-    """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
+def _assumptions(case: Case) -> Iterator[str]:
+    """The sizes that were assumed, and how the answer depends on the tolerances."""
     answer = case.answer
-    known, notes = answer.release.cautions, (*answer.notes, *answer.warnings)
-    lines = [*dict.fromkeys(case.says(note) for note in notes if note not in known)]
-    lines += _doubts(case)
     # A cause without a unit has no size: it happens or it does not.
     if assumed := [e for e in answer.assumed_sizes if e.unit]:
         text = ", ".join(f"{e.id} {e.size:.3g} {unit_words(e.unit)}" for e in assumed)
-        lines.append(f"Assumed sizes (not in the machine file): {text}.")
-    if answer.ruled_out:
-        lines.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
+        yield f"Assumed sizes (not in the machine file): {text}."
     named, changed = sorted(cause.id for cause in answer.causes), []
     for how, other in (answer.sensitivity or {}).items():
         ids = sorted(other.ids)
@@ -744,27 +744,21 @@ def _note_blocks(case: Case) -> Iterator[doc.Block]:
         }[other.verdict]
         if (other.verdict, ids) != (answer.verdict, named):
             changed.append(f"With tolerances {how}, {conclusion}.")
-    if answer.sensitivity and not changed:
-        lines.append("Conclusion unchanged when tolerances are halved or doubled.")
-    yield from map(doc.small, (*lines, *changed))
+    if answer.sensitivity:
+        yield from changed or ["Conclusion unchanged when tolerances are halved or doubled."]
 
 
 def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
-    """The method, whether the parameters alone explain the data, and the noise of one reading."""
+    """The method, whether the parameters alone explain the data, the noise, and the causes."""
     answer, words = case.answer, case.words
     method, noise, lack = Method(answer.method or ""), answer.noise, answer.lack_of_fit
     yield "Solved by", f"{method} ({_METHODS[method]})"
     if noise is None or lack is None:
         return
-    fit = f"as many {words.many} as readings: they always fit exactly"
-    if lack.dof:
-        fit = (
-            f"{plain(lack.left_mm, 4)} mm r.m.s.{weighing(case.given.measured)} left with"
-            f" {words.many} only; this {words.noise}'s noise{words.also} would leave"
-            f" {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
-            f" {counted(lack.dof, 'degree')} of freedom)"
-        )
-    yield "Fit", fit
+    fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
+    fit += weighing(case.given.measured)
+    always = f"as many {words.many} as readings: they always fit exactly"
+    yield "Fit", fit if lack.dof else always
     sizes = {
         "repeats": noise.repeats_mm,
         "residuals": noise.residuals_mm,
@@ -776,3 +770,9 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
     alone = "" if noise.repeats_mm is None else f" {words.repeats.format(p=p)}"
     yield "Noise, mm", f"{', '.join(known)}.{alone}"
+    for cause in answer.causes:
+        yield cause.id, case.title_of(cause.id, len(cause.parameters))
+    if answer.causes:
+        nothing = nothing_wrong(answer.explanations)
+        sound = "" if nothing is None else f"; {percent(nothing, 1)} that nothing is wrong at all"
+        yield "Probability", f"{percent(answer.causes[0].probability, 1)}{sound}"

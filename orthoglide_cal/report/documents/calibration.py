@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.measured import NOZZLE, DataKind
@@ -21,8 +20,9 @@ from orthoglide_cal.report.case import (
     INVALIDATING,
     MEANS,
     Case,
-    data_words,
+    input_words,
     moment,
+    origin,
     position_words,
     reserved,
     signed_page,
@@ -36,6 +36,7 @@ from orthoglide_cal.report.documents.answer import (
     open_blocks,
     parameters_grid,
     parameters_title,
+    promised_figure,
     to_do,
 )
 from orthoglide_cal.results import Identity
@@ -86,7 +87,8 @@ def calibration_document(
         recorded = [(answer.input, answer.validity)]
         if left is not None:
             recorded = [(side, side.validity) for side in (left.before, left.after)]
-        frame = signed_page("Calibration report", machine, identity, recorded)
+        simulated = left.simulated if left else answer.simulated
+        frame = signed_page("Calibration report", machine, identity, recorded, simulated)
         causes, rivals = [*_causes(case)], [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
@@ -109,7 +111,7 @@ def calibration_document(
         for one, when in both:
             sections = *evidence(one), _conditions(one)
             pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
-        pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
+        pages += [*_workspace(case, after, limit_mm), _origin(case, left)]
         for one, when in both:
             if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
                 pages.append(doc.Section(f"Appendix: readings{when}", pictures.readings_table(one)))
@@ -142,15 +144,7 @@ def _notice(case: Case) -> doc.Notice:
 
 def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
     """The parameters with U, and each difference as found and as expected on one axis."""
-    answer = case.answer
-    blocks: list[doc.Block] = [parameters_grid(case), *open_blocks(case)]
-    if answer.deviations and answer.as_found and answer.expected:
-        rows = [
-            (e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations
-        ]
-        sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
-        ends = answer.check is not None and answer.check.ends
-        blocks.append(pictures.differences_figure(rows, sizes, ends, limit_mm))
+    blocks = (parameters_grid(case), *open_blocks(case), promised_figure(case, limit_mm))
     return doc.Section(parameters_title(case), *blocks)
 
 
@@ -191,18 +185,16 @@ def _other(case: Case) -> doc.Section:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
         blocks.append(f"{before} mm r.m.s. as found, {after} if entered.")
     again = doc.Instruction("See its report.", case.typed("report"))
-    title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
+    title = f"Also judged: {input_words(case.given)}"
     return doc.Section(title, *blocks, doc.Instructions([again]))
 
 
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _workspace(
-    case: Case, left: Verification | None, limit_mm: float | None
-) -> Iterator[doc.Section]:
+def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
-    before, after = case.answer.workspace, left.workspace if left else None
+    before, after = case.answer.workspace, later.answer.workspace if later else None
     if before is None or before.maps is None:
         return
     views = [("as found", before.maps[0], before.before_mm, before.worst_before_mm)]
@@ -266,21 +258,13 @@ def _conditions(case: Case) -> doc.Section:
     return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), drawn, grid)
 
 
-def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:
-    """The input, the software, the numbers behind the uncertainty."""
-    answer, model, machine = case.answer, case.given.model, case.machine
+def _origin(case: Case, left: Verification | None) -> doc.Section:
+    """The inputs, and the machine that they are judged by."""
+    model, machine = case.given.model, case.machine
     rows: list[tuple[str, doc.Blank]] = [*stated(machine, MEANS)]
     if machine.report.traceability is None:
         rows.append(("Traceability", None))
-    rows.append(("Software", identity.software))
-    if left is not None:
-        rows += verification.compared_inputs(left)
-    else:
-        rows += [
-            ("Input", doc.given(file_words(answer.input.path))),
-            ("SHA-256", doc.code(answer.input.sha256)),
-            ("Data", case.data_words),
-        ]
+    rows += origin(left.inputs if left else [case.given])
     rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))

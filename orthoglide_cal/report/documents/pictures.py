@@ -32,11 +32,15 @@ _MOST_SERIES = 6  # on a screen, each in half as many postures
 _MOST_DRAWN = 3  # parameters of a cause
 _RINGED = "Ringed: beyond four robust standard deviations."
 _MOST_GAUGES = 2  # of the readings that it spoils
-# What a pattern depends on if not on time: column of the residuals, and name of the axis.
-_OVER = {
-    "repeats": ("displacement_mm", "carriage at, mm"),
-    "hysteresis": ("moved_mm", "plunger moved by, mm"),
-    "temperature": ("temperature_c", "°C"),
+# What a pattern depends on if not on time: a column of the residuals.
+_DEPENDS = {"repeats": "displacement_mm", "hysteresis": "moved_mm", "temperature": "temperature_c"}
+# Such a column → its name on an axis.
+_AXIS = {
+    "": "",
+    "minutes": "min",
+    "displacement_mm": "carriage at, mm",
+    "moved_mm": "plunger moved by, mm",
+    "temperature_c": "°C",
 }
 _CELLS = 17  # of a bed in signs, along x and along y
 
@@ -176,11 +180,9 @@ def residual_blocks(case: Case) -> Iterator[doc.Block]:
 def reading_panels(
     rows: Sequence[Residual],
     left_mm: Mapping[str, Floats],
-    title: str = "Residuals",
-    finding: str = "",
     *,
     noise_mm: float = 0.0,
-    over: tuple[str, Floats] | None = None,
+    over: str = "",
     effect_mm: tuple[Floats, Floats] | None = None,
     shown: Collection[int] = (),
     ringed: Collection[int] = (),
@@ -190,15 +192,13 @@ def reading_panels(
     Args:
         rows: n readings.
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
-        title: of the panels; their gauge is added.
-        finding: what one sees, in words; "": the numbers.
         noise_mm: standard deviation of one reading; the band is twice as high.
-        over: instead of the postures a quantity: its name, and (n,) values; NaN is not drawn.
+        over: a column of theirs instead of the postures; where it is None nothing is drawn.
         effect_mm: drawn as a line with its U as a band: both of shape (n,).
         shown: the readings whose gauges have a panel; () for all.
         ringed: readings that are wrong.
     """
-    axis, at = over or ("", np.zeros(len(rows)))
+    axis, at = _AXIS[over], _column(rows, over) if over else np.zeros(len(rows))
     gauges: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
         gauge = "all touches" if row.x_mm is not None else "all differences"
@@ -218,7 +218,7 @@ def reading_panels(
     for gauge, numbers in panels.items():
         if not numbers:
             continue
-        if over is None:
+        if not over:
             numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
             names = list(dict.fromkeys(places[k] for k in numbers))
             across = Scale(-0.5, len(names) - 0.5, 40.0, width - 6.0)
@@ -237,14 +237,14 @@ def reading_panels(
             parts += below(columns, row_words, up.start + 12.0 * (n + 1) + 1.0)
         runs: dict[object, list[int]] = {}
         for k in numbers:
-            run = rows[k].cycle if over is None else (rows[k].part, rows[k].gauge_at)
+            run = (rows[k].part, rows[k].gauge_at) if over else rows[k].cycle
             runs.setdefault(run, []).append(k)
         for ks in runs.values():
             if effect_mm is not None:
                 edge = [(x[k], up(low[k])) for k in ks] + [(x[k], up(high[k])) for k in ks[::-1]]
                 parts.append(tag("polygon", points=points(edge), class_="band"))
                 parts.append(thread([(x[k], up(middle[k])) for k in ks]))
-            elif over is None:
+            elif not over:
                 parts.append(thread([(x[k], up(last[k])) for k in ks]))
         for values in microns.values():
             style = "mark" if values is last else "mark open"
@@ -255,9 +255,10 @@ def reading_panels(
             f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
             for model, values in microns.items()
         )
-        seen = finding or f"Residuals, µm. {'; '.join(lists)}."
+        seen = f"Residuals, µm. {'; '.join(lists)}."
         colour = f"c-{rows[numbers[0]].leg or 'x'}"
-        pictures.append(figures.svg(width, height, f"{title}, {gauge}", seen, parts, colour))
+        title = f"Residuals{f' over {axis}' if axis else ''}, {gauge}"
+        pictures.append(figures.svg(width, height, title, seen, parts, colour))
     return pictures
 
 
@@ -269,20 +270,18 @@ def series_of(row: Residual) -> Series:
 def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
     """What a pattern of that number describes, over what it depends on."""
     rows = case.answer.residuals
-    column, axis = _OVER.get(pattern.how if rows[0].leg else "", ("minutes", "min"))
     effect = np.array([row.pattern_mm[number] for row in rows])
     reach = np.array([row.pattern_expanded_mm[number] for row in rows])
+    wrong = [k for k, row in enumerate(rows) if row.wrong]
     key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without"
-    key += " all other effects." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
+    key += " all other effects." + " Ringed: wrong, left out." * bool(wrong)
     panels = reading_panels(
         rows,
-        {"": [*_left(case).values()][-1] + effect},
-        f"Pattern, over {axis}",
-        pattern_words(case.machine, pattern),
-        over=(axis, _column(rows, column)),
+        {pattern_words(case.machine, pattern): [*_left(case).values()][-1] + effect},
+        over=_DEPENDS.get(pattern.how if rows[0].leg else "", "minutes"),
         effect_mm=(effect, reach),
         shown=np.flatnonzero(reach).tolist(),
-        ringed=[k for k, row in enumerate(rows) if row.wrong],
+        ringed=wrong,
     )
     return doc.Figure(panels, key=key)
 
@@ -430,13 +429,13 @@ def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
     rows, (both, after) = case.answer.residuals, [*left.items()][-1]
     change = np.abs(after - before)
     wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
-    minutes, one = _column(rows, "minutes"), wrong if len(wrong) == 1 else []
-    timed = CAUSES[cause.id].timed and np.isfinite(minutes).all()
+    one = wrong if len(wrong) == 1 else []
+    timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
     panels = reading_panels(
         rows,
         left,
         noise_mm=case.machine.instrument.noise_mm,
-        over=("min", minutes) if timed else None,
+        over="minutes" if timed else "",
         shown=wrong,
         ringed=one,
     )

@@ -4,6 +4,7 @@ The diagnosis shows the best of the next measurements, too.
 """
 
 import math
+import string
 from collections.abc import Iterator
 from functools import partial
 from operator import attrgetter
@@ -35,7 +36,6 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
-from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
     counted,
@@ -50,6 +50,8 @@ _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
 _BRIEF_NEXT = 3
 _MOST_LAYOUTS = 5
+_DISTINCT_SIGMA = 4.0  # at less the readings may not decide between two causes
+_MOST_SIGMA = 99  # beyond which the number says nothing more
 # Where the places to probe are written, unless somebody chose another name.
 _PLACES = "places.csv"
 
@@ -352,14 +354,24 @@ def _design(best: BestDesign, typed: str) -> doc.Section:
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
-    """Which causes the readings can distinguish."""
+    """Which causes the readings can distinguish: the lower half of a table of their distances."""
+    names, letters = [*plan.trace], string.ascii_uppercase
+    sigma = {pair.causes: pair.sigma for pair in plan.separation}
+    rows: list[list[doc.Blank]] = []
+    for k, (id, sound) in enumerate(plan.trace.items()):
+        sizes = [sound, *(sigma[other, id] for other in names[:k])]
+        cells = ((str(min(int(size), _MOST_SIGMA) or "<1"), size) for size in sizes)
+        shown = (doc.doubtful(text) if size < _DISTINCT_SIGMA else text for text, size in cells)
+        rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
+    heads = ("", "–", *letters[: len(names) - 1])
+    caption = f"Distance in σ; –: from a sound machine; {_MOST_SIGMA}: or more. Distinct?"
+    caption += " Below 1: no; below 2: hardly; below 4: mostly; else yes."
     blocks: list[doc.Block] = ["No cause leaves a trace."]
-    if plan.trace:
-        sigma = {pair.causes: pair.sigma for pair in plan.separation}
-        blocks = [doc.Listing(separation_lines(plan.trace, sigma))]
-    rows = [(id, CAUSES[id].words(plan.model.machine).instrument) for id in plan.invisible]
+    if rows:
+        blocks = [doc.Grid(heads, rows, caption=caption)]
+    unseen = [(id, CAUSES[id].words(plan.model.machine).instrument) for id in plan.invisible]
     caption = "At their usual size they hardly change such readings."
-    blocks.append(doc.Grid(("not seen", "what would show it"), rows, (0, 1), caption))
+    blocks.append(doc.Grid(("not seen", "what would show it"), unseen, (0, 1), caption))
     title = "Which causes can be distinguished"
     title += f" by {MOST_COMPARED} cycles" if plan.cycles > MOST_COMPARED else ""
     return doc.Section(title, *blocks)

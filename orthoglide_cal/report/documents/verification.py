@@ -8,13 +8,14 @@ from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.errors import command
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
-    data_words,
+    input_words,
+    origin,
     reserved,
     signed_page,
     sizes_words,
@@ -61,7 +62,7 @@ def _screen(result: Verification) -> doc.Page:
         if row.left is not None
     )
     parameters = f"Left: {sizes_words(left)}."
-    before, after = _data(result)
+    before, after = map(input_words, result.inputs)
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     notice = replace(verification_notice(result), aside=f"{result.machine}, {both}")
     # Their title says what the notice above does.
@@ -80,7 +81,8 @@ def _screen(result: Verification) -> doc.Page:
 
 def _page(result: Verification, identity: Identity) -> doc.Page:
     recorded = [(side, side.validity) for side in (result.before, result.after)]
-    page = signed_page("Verification report", result.inputs[1].model.machine, identity, recorded)
+    machine = result.inputs[1].model.machine
+    page = signed_page("Verification report", machine, identity, recorded, result.simulated)
     measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     return replace(
         page,
@@ -89,7 +91,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         sheet=(parameters_left(result), measured, *page.sheet),
         sections=(
             doc.Section("How the machine responded", *_response(result)),
-            doc.Section("Traceability", doc.Facts([*compared_inputs(result)])),
+            doc.Section("Traceability", doc.Facts([*origin(result.inputs)])),
         ),
         signatures=("Measured by", "Checked by"),
     )
@@ -106,7 +108,7 @@ def verification_notice(result: Verification) -> doc.Notice:
     if result.response and result.answer:
         lines.append(_answer(result, result.response, result.answer))
     if result.decision:
-        lines.append(_decision(result.decision))
+        lines.append(_decision(result, result.decision))
     if result.remains:
         lines.append(says(result.remains))
     tone = doc.Tone.GOOD if result.kept else doc.Tone.BAD
@@ -239,13 +241,16 @@ def _decimals(result: Verification) -> int:
     return entered_decimals(left, result.applied_mm.values())
 
 
-def _decision(made: Conformity) -> str:
+def _decision(result: Verification, made: Conformity) -> str:
     """The decision about the limit in one sentence."""
-    never = "" if made.passable else " Nothing can pass: U exceeds the limit. Take more cycles."
+    largest = max(result.differences, key=lambda row: abs(row.after_mm))
+    never = ""
+    if any(row.expanded_mm > made.limit_mm for row in result.differences):
+        never = " Nothing can pass: U exceeds the limit. Take more cycles."
     return (
         f"{made.outcome.capitalize()}: limit {made.limit_mm:g} mm, largest deviation"
-        f" {plain(made.largest_mm, 3)} ± {plain(made.expanded_mm, 3)} mm"
-        f" ({made.largest_difference}; U with {coverage_words(made.coverage_factor)}, 95 %).{never}"
+        f" {plain(abs(largest.after_mm), 3)} ± {plain(largest.expanded_mm, 3)} mm"
+        f" ({largest.difference}; U with {coverage_words(made.coverage_factor)}, 95 %).{never}"
     )
 
 
@@ -325,17 +330,3 @@ def _response(result: Verification) -> Iterator[doc.Block]:
             )
         else:
             yield f"Nothing else changed: {size}; {noise}"
-
-
-def compared_inputs(result: Verification) -> Iterator[tuple[str, doc.Blank]]:
-    """Where both sides come from: file and digest."""
-    sides = ("Before", result.before), ("After", result.after)
-    for (name, given), count in zip(sides, _data(result), strict=True):
-        yield name, doc.given(f"{file_words(given.path)} ({count})")
-        yield "SHA-256", doc.code(given.sha256)
-
-
-def _data(result: Verification) -> list[str]:
-    """How much of what each of the two measurements holds."""
-    sides = zip((result.before, result.after), result.inputs, strict=True)
-    return [data_words(e.measured.source, side.kind, side.readings) for side, e in sides]
