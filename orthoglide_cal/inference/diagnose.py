@@ -598,28 +598,28 @@ def decided(measured: Measured, model: Model) -> Diagnosis:
         return decision
     held = leave_out(fit, left_out(white, fit.wrong_readings))[2]
     if held.chance >= MISFIT:
-        refuted = _refuted_by_date(measured, decision)
+        refuted = _refuted_by_date(decision)
         return replace(decision, refuted=refuted) if refuted else decision
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 
 
-def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
+def _refuted_by_date(diagnosis: Diagnosis) -> Reason | None:
     """How a date refutes what lasts of a name, predicted from those before it.
 
     The parameters are others on each date.
     """
-    fit, model = decision.carried, decision.white.problem.model
-    before, entered = model.machine, 0.0 * fit.offsets
+    fit, measured, model = diagnosis.carried, diagnosis.measured, diagnosis.model
+    entered = 0.0 * fit.offsets
     lasting = tuple(cause for cause in fit.hypothesis.base if cause.lasting)
     if not isinstance(measured, Readings) or not lasting:
         return None
     for day in np.unique(measured.plan.date)[1:]:
         parts = measured.plan.date < day, measured.plan.date == day
         earlier, dated = (Whitened.of(measured.subset(part), model) for part in parts)
-        later = Later(dated, before, entered, entered.size)
+        later = Later(dated, model.machine, entered, entered.size)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
-        if refuted := later.refute(decision.accepted, *map(fit_hypothesis, bases)):
+        if refuted := later.refute(diagnosis.accepted, *map(fit_hypothesis, bases)):
             return refuted
     return None

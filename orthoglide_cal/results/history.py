@@ -137,7 +137,8 @@ class _Session:
     def __init__(self, given: Input, last: Model) -> None:
         require_settings(given.measured)
         self.given, self.last, self.path = given, last.machine, given.measured.source.path
-        self.white = white = Whitened.of(given.measured, last.judging(given.model))
+        model = last.judging(given.model)
+        self.white = white = Whitened.of(given.measured, model)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
         self.belief = Decision(at, {(): Hypothesis(at, 0.0)}, {})
         self.alone = self.belief.fit_of(())
@@ -147,8 +148,8 @@ class _Session:
         self.refuted: Reason | None = None  # how what would be named here was refuted
         noise, dof = white.machine.instrument.noise_mm, len(white) - self.width
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
-            solve(given.measured, white.problem.model)  # refuses what is out of all proportion
-            self.decision = decided(given.measured, white.problem.model)
+            solve(given.measured, model)  # refuses what is out of all proportion
+            self.decision = decided(given.measured, model)
 
     def conclude(self, later: "_Session | None") -> None:
         """Take over what was decided; a name only if a later session does not refute it.
