@@ -14,7 +14,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -161,15 +161,15 @@ class Decision:
     refuted: Reason | None = None
 
     @classmethod
-    def about(cls, white: Whitened, **known: Any) -> Self:
-        """Weigh every hypothesis by its linear evidence; `known` are fields of a subclass.
+    def about(cls, white: Whitened) -> Self:
+        """Weigh every hypothesis by its linear evidence.
 
         Raises UnusableResultError: no offsets fit these data.
         """
         plan = white.plan
         spots = len(np.unique(plan.repeats[plan.touches]))
         at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
-        listed = cls(at, score_all(at), {}, **known).refined([()])
+        listed = cls(at, score_all(at), {}).refined([()])
         return replace(listed, patterned={one.label: one for one in listed.beside(())})
 
     def scaled(self, factor: float) -> Self:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from datetime import date
 from functools import cached_property
 from itertools import chain
@@ -583,7 +583,9 @@ def decided(measured: Measured, model: Model) -> Diagnosis:
     try:
         white = Whitened.of(measured, model)
         again = repeats(white)
-        decision = Diagnosis.about(white, measured=measured, model=model).settled()
+        linear = Decision.about(white)
+        known = {item.name: getattr(linear, item.name) for item in fields(linear)}
+        decision = Diagnosis(**known, measured=measured, model=model).settled()
         if again is not None and again > REPEATS:
             decision = replace(decision, repeats=True)
         verdict, fit = decision.verdict, decision.fit
