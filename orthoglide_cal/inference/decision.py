@@ -648,8 +648,7 @@ class Decision:
         # With a local shape that is found to be larger or smaller, the noise is found, too.
         noise_found = at.local
         if decision.surely_sound and not noise_found:
-            # Linear scores know no bounds: one of what cannot be negative may fall short of its
-            # fit.
+            # Linear scores know no bounds: what cannot be negative may fit better than it scores.
             positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
             decision = decision.refined([*decision.hidden(), *positive])
             if decision.surely_sound:
