@@ -104,7 +104,7 @@ def solves(method: str) -> None:
 
     model, kind = default_machine(), DataKind(method)
     if kind is DataKind.READINGS:
-        problem, _ = pose_plan(double_posture(model.machine), model, kind)
+        problem = pose_plan(double_posture(model.machine), model, kind)
     else:
         problem = problem_of(kind, model)
     rng = np.random.default_rng(1)

@@ -75,8 +75,8 @@ NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
 ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
 replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")
 # Of the layouts of a printer there are some dozens.
-apart = once(PLAN.rivals_sigma, 200)
-replace("rivals_sigma", apart, "planning.plan")
+apart = once(PLAN.separations, 200)
+replace("separations", apart, "planning.plan")
 # A plan that goes on from no data is a pure function of the machine and of what is wanted.
 new_plan, plan = PLAN.measurement_plan, once(PLAN.measurement_plan)
 replace(

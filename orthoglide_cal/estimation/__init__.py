@@ -3,7 +3,6 @@
 from orthoglide_cal.estimation.methods import (
     LeastSquaresFit,
     Method,
-    Posed,
     Problem,
     fit_offsets,
     pose,

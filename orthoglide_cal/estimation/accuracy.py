@@ -12,7 +12,6 @@ import numpy as np
 from scipy.special import chdtrc, stdtrit
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.methods import Problem, pose_plan
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K
 from orthoglide_cal.model.measured import DataKind
@@ -44,19 +43,6 @@ class Scatter:
 
     sigma_mm: float
     dof: float
-
-
-def sum_of_squares(problem: Problem, jacobian: Floats, residual: Floats, ratio: Floats) -> float:
-    """Sum of squares that noise must have left of data, σ²·χ² of k − 3 degrees of freedom [mm²].
-
-    Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ² and P the projector onto
-    what the offsets cannot explain. Whichever estimator left the residual, it is the same.
-
-    `jacobian` is J, shape (k, 3); `residual` r, shape (k,) [mm]; `ratio` C/σ, what the influences
-    add in standard deviations of one reading, shape (k, p). G is the problem's.
-    """
-    left = unexplained(*problem.whitened(ratio, jacobian, residual))
-    return float(left @ left)
 
 
 def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
@@ -134,13 +120,13 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     if machine.vocabulary.fewest:
         raise UnusableResultError(fault, machine.vocabulary.fewest)
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
+    ideal = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
     sensitivity = ideal.at_zero[1]
     scale, chosen = np.abs(sensitivity).max(), list[str]()
     while len(free := _free_directions(matrix, scale)):
         # The one that sees most of what no other does.
         best = int(np.argmax(np.linalg.norm(sensitivity @ free.T, axis=1)))
-        series, posture = which[best]
+        series, posture = ideal.which[best]
         where = f"at {posture}, joint end and tool end"
         if posture is None:
             where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"

@@ -6,7 +6,6 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -177,18 +176,6 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
 
     Machine and gauge give the sizes, accepted causes their own uncertainty.
     """
-    if offsets.ndim == 1:
-        return _influences_at(model, tuple(offsets.tolist()), plan)
-    return _influences(model, offsets, plan)
-
-
-@functools.lru_cache(maxsize=2)
-def _influences_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[Influence, ...]:
-    """`influences` at one point; a solution begins where a diagnosis asked for them."""
-    return _influences(model, np.array(offsets), plan)
-
-
-def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
@@ -200,12 +187,10 @@ def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, .
             Influence(effect.cause.id, None, "", False, columns)
             for effect, columns in zip(model.accepted, carried, strict=True)
         ]
-    if offsets.ndim > 1:
-        # What does not depend on the offsets is the same at all of them.
-        shapes = [(*offsets.shape[:-1], *one.columns.shape[-2:]) for one in acting]
-        pairs = zip(acting, shapes, strict=True)
-        acting = [replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs]
-    return tuple(acting)
+    # What does not depend on the offsets is the same at all of them.
+    shapes = ((*offsets.shape[:-1], *one.columns.shape[-2:]) for one in acting)
+    pairs = zip(acting, shapes, strict=True)
+    return tuple(replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs)
 
 
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:

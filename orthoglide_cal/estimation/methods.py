@@ -28,7 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.gaussian import shrink, shrinking, whiten, whiten_shared
+from orthoglide_cal.estimation.gaussian import shrinking, whiten, whiten_shared
 from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate, simulate
@@ -55,6 +55,16 @@ class Problem(ReadOnly):
     model: Model
     plan: Plan  # n readings
     matrix: Reduction  # R, shape (k, n)
+    which: tuple[Difference, ...] = ()  # differences that its data are, if they are any
+
+    def weighted(self, ratio: Floats) -> Problem:
+        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
+
+        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
+        """
+        matrix, (axes, factors) = self.matrix, shrinking(ratio)
+        assert isinstance(matrix, Contrasts)
+        return replace(self, matrix=replace(matrix, axes=axes, factors=factors))
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -100,18 +110,6 @@ class Problem(ReadOnly):
         if not isinstance(self.matrix, Contrasts):
             return whiten(self.covariance() + ratio @ ratio.T, *values)
         return whiten_shared(ratio, *values)
-
-    def remaining(self, data: Floats, offsets: Floats) -> Floats:
-        """Distance of the offsets from the least-squares optimum, recomputed from the data.
-
-        |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
-        noise σ: no offset would move by more than as many of its standard deviations. Zero at a
-        stationary point of eq. (25), NaN where the model cannot be evaluated.
-
-        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
-        """
-        predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
-        return self.length(jacobian, normal_step(jacobian, data - predicted))
 
     def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
@@ -160,7 +158,10 @@ class LeastSquaresFit(ReadOnly):
 
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
-    remaining: Floats  # as of `Problem.remaining`, (...)
+    # Distance from the optimum: |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still
+    # be taken, with the stated noise σ. No offset would move by more than as many of its standard
+    # deviations. Zero at a stationary point of eq. (25), NaN where the model cannot be evaluated.
+    remaining: Floats  # (...)
     iterations: Ints  # steps tried, (...)
 
     @property
@@ -250,7 +251,7 @@ class Method(StrEnum):
         """True if it solves with the Jacobian at zero offsets instead of iterating."""
         return self not in (Method.SIX, Method.TWELVE, Method.READINGS)
 
-    def estimator(self, posed: Posed) -> Floats:
+    def estimator(self, problem: Problem) -> Floats:
         """M of a linear method, Δρ = M d with the Jacobian J at zero offsets, shape (3, k).
 
         (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11).
@@ -258,9 +259,9 @@ class Method(StrEnum):
         Raises:
             UnusableResultError: eq. (11) lacks one of its six differences.
         """
-        jacobian = posed.problem.at_zero[1]
+        jacobian = problem.at_zero[1]
         if self is Method.SINGLE_SEQUENTIAL:
-            return _sequential(jacobian, posed.which)
+            return _sequential(jacobian, problem.which)
         return np.asarray(np.linalg.pinv(jacobian), dtype=np.float64)
 
 
@@ -288,52 +289,29 @@ def table_kind(measured: Measured) -> DataKind:
     return DataKind.SIX if DataKind.SIX in measured.kinds else DataKind.SINGLE
 
 
-@dataclass(frozen=True, eq=False)
-class Posed(ReadOnly):
-    """A problem with its data: d, shape (k,) [mm], and which differences they are, if any."""
-
-    problem: Problem
-    data: Floats
-    which: tuple[Difference, ...]
-
-    def weighted(self, ratio: Floats) -> Posed:
-        """The same, with data whose covariance is σ² (G + C Cᵀ/σ²) made independent.
-
-        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
-        """
-        matrix: Reduction = self.problem.matrix
-        if isinstance(matrix, Contrasts):
-            axes, factors = shrinking(ratio)
-            matrix = replace(matrix, axes=axes, factors=factors)
-            data = shrink(self.data, axes, factors)
-        else:
-            matrix, data = self.problem.whitened(ratio, matrix, self.data)
-        return replace(self, problem=replace(self.problem, matrix=matrix), data=data)
-
-
 @functools.lru_cache(maxsize=8)
-def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[Difference, ...]]:
-    """Problem and differences that a method makes of readings, whatever these will be.
+def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
+    """The problem that a method makes of readings, whatever these will be.
 
     Differences that the plan lacks are left out.
     """
     if kind is DataKind.READINGS:
-        return Problem(model, plan, zero_free(plan)), ()
+        return Problem(model, plan, zero_free(plan))
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.machine, plan.steps)
     present = np.abs(matrix).sum(axis=1) > 0.0
     kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
-    return Problem(model, plan, matrix[present]), kept
+    return Problem(model, plan, matrix[present], kept)
 
 
-def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
+def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:
     """Reduce the data to what is compared with the model, of a kind that can be made of them.
 
-    Differences that they lack are left out.
+    The problem, and its data (k,) [mm]. Differences that they lack are left out.
     """
     if isinstance(measured, Readings):
-        problem, kept = pose_plan(measured.plan, model, kind)
-        return Posed(problem, problem.matrix @ measured.value, kept)
+        problem = pose_plan(measured.plan, model, kind)
+        return problem, problem.matrix @ measured.value
     wanted = DIFFERENCES[kind]
     values = dict(zip(measured.which, measured.value.tolist(), strict=True))
     if measured.kind is DataKind.TWELVE and kind is DataKind.SIX:
@@ -347,8 +325,8 @@ def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
     # The readings behind the printed differences: one of each cell, so that a difference of
     # the twelve shares its isotropic reading with its partner (errata, eq. 30).
     plan = ideal_plan(measured.kind, model.machine)
-    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan))
-    return Posed(problem, np.array([values[difference] for difference in kept]), kept)
+    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan), kept)
+    return problem, np.array([values[difference] for difference in kept])
 
 
 def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:

@@ -20,16 +20,14 @@ from orthoglide_cal.estimation.accuracy import (
     require_determined,
     require_rank,
     rms,
-    scatter_of_repeats,
-    sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import (
-    OPTIMAL,
     LeastSquaresFit,
     Method,
-    Posed,
+    Problem,
     choose_method,
     fit_offsets,
     pose,
@@ -67,15 +65,11 @@ class Solution(OffsetEstimate):
 
     measured: Measured
     method: Method
-    posed: Posed  # the problem that was solved, with what it compares with its model
+    problem: Problem  # that was solved
+    data: Floats  # its data, shape (k,) [mm]
     residuals_mm: Floats  # what the solver left of the data it compared, shape (k,)
     scatter: Scatter | None  # of one reading, from the residuals; None without degrees of freedom
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
-
-    @property
-    def std_mm(self) -> Floats:
-        """u of the offsets, shape (3,) [mm]."""
-        return self.budget.std_mm
 
     @property
     def expanded_mm(self) -> Floats:
@@ -91,13 +85,6 @@ class Solution(OffsetEstimate):
     def dof(self) -> int:
         """Degrees of freedom of it (effective ones, rounded)."""
         return 0 if self.scatter is None else round(self.scatter.dof)
-
-    @property
-    def repeats(self) -> Scatter | None:
-        """Scatter of one reading from repeated readings; None without repeats."""
-        if isinstance(self.measured, Differences):
-            return None
-        return scatter_of_repeats(self.measured.plan, self.measured.value)
 
     @property
     def lack_of_fit_p(self) -> float | None:
@@ -116,10 +103,9 @@ class Solution(OffsetEstimate):
         """
         measured, model = self.measured, self.model
         if isinstance(measured, Differences):
-            every = pose(measured, model, measured.kind)
+            every, _ = pose(measured, model, measured.kind)
             order = [every.which.index(difference) for difference in measured.which]
-            predicted = every.problem.predict(self.offsets_mm)[order]
-            return rms(self.posed.data), read_only(predicted)
+            return rms(self.data), read_only(every.predict(self.offsets_mm)[order])
         plan, points = measured.plan, (0.0 * self.offsets_mm, self.offsets_mm)
         zeros, simulated = plan.zeros, np.stack([simulate_at(model, x, plan)[0] for x in points])
         fitted = np.linalg.lstsq(zeros, (measured.value - simulated).T, rcond=None)[0]
@@ -152,7 +138,7 @@ class Solution(OffsetEstimate):
         require_settings(self.measured)
         machine, largest = self.model.machine, float(np.abs(self.offsets_mm).max())
         if not _possible(self.offsets_mm, self.model):
-            require_determined(self.posed.problem)
+            require_determined(self.problem)
             raise UnusableResultError(
                 f"The {machine.vocabulary.many} would be as large as {largest:.0f} mm, more than"
                 " half of the travel.",
@@ -161,7 +147,7 @@ class Solution(OffsetEstimate):
 
     def at(self, offsets: Floats) -> "Solution":
         """The same model at other offsets, shape (3,) [mm], with what they leave."""
-        left = self.posed.data - self.posed.problem.predict(offsets)
+        left = self.data - self.problem.predict(offsets)
         return replace(self, offsets_mm=offsets, residuals_mm=left)
 
     @property
@@ -172,25 +158,6 @@ class Solution(OffsetEstimate):
         if scatter is None or scatter >= gauge.rounding_mm:
             return remarks
         return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
-
-    @cached_property
-    def remaining(self) -> float:
-        """Distance of the offsets from their optimum, recomputed [standard deviations].
-
-        A nonlinear method: the step that it would still take. A linear one: what its own
-        estimator finds in its residual.
-        """
-        problem, data = self.posed.problem, self.posed.data
-        if not self.method.linear:
-            return float(problem.remaining(data, self.offsets_mm))
-        predicted, jacobian = problem.at_zero
-        left = data - predicted - jacobian @ self.offsets_mm
-        return float(np.abs(self.method.estimator(self.posed) @ left / self.std_mm).max())
-
-    @property
-    def converged(self) -> bool:
-        """True if that check holds."""
-        return self.remaining <= OPTIMAL
 
     @property
     def judgement(self) -> Reason:
@@ -236,18 +203,18 @@ def fit_parameters(
             was found.
     """
     chosen = choose_method(measured, method)
-    plain = posed = pose(measured, model, chosen.uses)
-    require_rank(posed.problem)
+    problem, data = posed = pose(measured, model, chosen.uses)
+    require_rank(problem)
     if chosen.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
-        predicted, at_zero = posed.problem.at_zero
-        shifted, estimator = posed.data - predicted, chosen.estimator(posed)
+        predicted, at_zero = problem.at_zero
+        shifted, estimator = data - predicted, chosen.estimator(problem)
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
     else:
-        fit = _search(posed, start)
+        fit = _search(problem, data, start)
         offsets = fit.offsets_mm
-    plan, gauge = posed.problem.plan, model.machine.instrument
+    plan, gauge = problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
     # number of parameters.
@@ -261,38 +228,42 @@ def fit_parameters(
     ratios = [(one.source, one.columns / stated_mm) for one in left]
     # Offsets that no machine has need no weights to be refused.
     if chosen is Method.READINGS and _possible(offsets, model):
-        posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
-        fit = _search(posed, start=offsets)
+        problem = problem.weighted(problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
+        data = problem.matrix @ measured.value
+        fit = _search(problem, data, start=offsets)
         offsets = fit.offsets_mm
     readings, jacobian = simulate_at(model, offsets, plan)
     if not chosen.linear:
         residuals = fit.residuals_mm
-        estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
+        estimator = np.asarray(np.linalg.pinv(problem.matrix @ jacobian), np.float64)
     # Noise of one reading is what no offsets explain, of raw data in all readings, whatever the
     # method; what a cause of the machine would explain is none.
-    if isinstance(measured, Readings) and plain.which:
-        plain = pose(measured, model, DataKind.READINGS)
+    if isinstance(measured, Readings) and problem.which:
+        posed = pose(measured, model, DataKind.READINGS)
+    plain, all_data = posed
     hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
     ratio = np.hstack([ratio for source, ratio in ratios if source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
-    dof = len(plain.data) - len(offsets) - sum(here.values())
-    scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.problem.matrix
+    dof = len(all_data) - len(offsets) - sum(here.values())
+    scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.matrix
     if dof > 0:
-        residual, slopes = plain.data - matrix @ readings, matrix @ jacobian
-        total = sum_of_squares(plain.problem, slopes, residual, matrix @ ratio)
-        scatter = Scatter(math.sqrt(total / dof), dof)
+        residual, slopes = all_data - matrix @ readings, matrix @ jacobian
+        # Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ², of C what influences
+        # add, and P the projector onto what the offsets cannot explain. Whichever estimator left
+        # the residual, it is the same.
+        left_over = unexplained(*plain.whitened(matrix @ ratio, slopes, residual))
+        scatter = Scatter(math.sqrt(left_over @ left_over / dof), dof)
         noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), dof)
     uncertain = (*uncertain, *fixed_influences(model, offsets, plan))
     return Solution(
         model=model,
         offsets_mm=offsets,
-        budget=budget_of(
-            estimator @ posed.problem.matrix, gauge, scatter, uncertain, plan.precision
-        ),
+        budget=budget_of(estimator @ problem.matrix, gauge, scatter, uncertain, plan.precision),
         noise=noise,
         measured=measured,
         method=chosen,
-        posed=posed,
+        problem=problem,
+        data=data,
         residuals_mm=residuals,
         scatter=scatter,
         stated_mm=stated_mm,
@@ -311,12 +282,12 @@ def require_settings(measured: Measured) -> None:
         raise UnusableResultError(excerpt.unknown, remedy)
 
 
-def _search(posed: Posed, start: Floats | None = None) -> LeastSquaresFit:
+def _search(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
     """The offsets of one data set by least squares. Raises UnusableResultError."""
-    fit = fit_offsets(posed.problem, posed.data, start)
+    fit = fit_offsets(problem, data, start)
     if not fit.converged:
-        require_determined(posed.problem)
-        many = posed.problem.model.machine.vocabulary.many
+        require_determined(problem)
+        many = problem.model.machine.vocabulary.many
         raise UnusableResultError(
             f"No {many} fit these data: the search ended where the residuals can still fall"
             f" (a step of {float(fit.remaining):.2g} standard deviations is left after"
@@ -360,15 +331,14 @@ def promise(
     if all(kind is DataKind.READINGS for kind in measured.kinds):
         return ()  # no differences of the paper can be made of these data
     kind = table_kind(measured)
-    posed = pose(measured, known.model, kind)
-    kept = posed if right is None else pose(right, known.model, kind)
-    problem = posed.problem
+    problem, data = pose(measured, known.model, kind)
+    kept = data if right is None else pose(right, known.model, kind)[1]
     after = known.offsets_mm - entered
     both = np.stack((known.offsets_mm, after))
     modelled, first = problem.predict_with_jacobian(known.offsets_mm)
     later = replace(problem, model=known.model.extended(corrected))
     left, second = later.predict_with_jacobian(after)
-    expected = kept.data + left - modelled
+    expected = kept + left - modelled
     # The same readings are taken once before and once after.
     scatter = 2.0 * known.noise.sigma_mm**2 * np.diag(problem.covariance())
     # What one standard deviation of each other source changes in the effect of what is entered.
@@ -386,11 +356,11 @@ def promise(
     # Effective degrees of freedom by Welch–Satterthwaite, all but the noise known without end.
     factor = [half_width(known.noise.dof * ratio**2) for ratio in (variance / scatter).tolist()]
     reach = np.array(factor) * np.sqrt(variance)
-    rows = np.stack((posed.data, modelled, expected, reach), axis=1).tolist()
+    rows = np.stack((data, modelled, expected, reach), axis=1).tolist()
     names = ("measured_mm", "modelled_mm", "expected_mm", "expanded_mm")
     return tuple(
         PromisedDifference(name=which.name, **dict(zip(names, row, strict=True)))
-        for which, row in zip(posed.which, rows, strict=True)
+        for which, row in zip(problem.which, rows, strict=True)
     )
 
 

@@ -148,17 +148,17 @@ class Whitened(ReadOnly):
                 kelvin = np.interp(plan.order, plan.order[known], warm[known] - warm[known[0]])
             unit = model.machine.instrument.mistaken_unit(measured)
             return replace(white, data=white.matrix @ measured.value, unit_mm=unit, kelvin=kelvin)
-        posed = pose(measured, model, measured.kind)
-        require_rank(posed.problem)
-        plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))
+        problem, values = pose(measured, model, measured.kind)
+        require_rank(problem)
+        plan, matrix = problem.plan, problem.matrix @ np.eye(len(problem.plan))
         if measured.kind is DataKind.SIX:
             # The readings behind max − min, with the isotropic ones that the carriages pass.
             plan = ideal_plan(DataKind.TWELVE, model.machine)
-            matrix = reduction(DataKind.SIX, posed.which, model.machine, plan)
+            matrix = reduction(DataKind.SIX, problem.which, model.machine, plan)
         # Rows of R, and the data, in units of independent noise.
-        rows, data = whiten(matrix @ matrix.T, matrix, posed.data)
+        rows, data = whiten(matrix @ matrix.T, matrix, values)
         root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
-        in_file = np.array([posed.which.index(difference) for difference in measured.which])
+        in_file = np.array([problem.which.index(difference) for difference in measured.which])
         return cls(Problem(model, plan, rows), data, root, False, in_file)
 
     @classmethod

@@ -13,6 +13,7 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
+from orthoglide_cal.estimation.accuracy import scatter_of_repeats
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
@@ -430,7 +431,9 @@ class Diagnosis(Decision):
                 fit = fit_hypothesis(self.belief.hypotheses[()], factor)
             dof, p_value = len(self.white) - alone.offsets_mm.size, self.chance(fit)
             size = math.sqrt(fit.square / dof) if dof else 0.0
-        repeats, chance = alone.repeats, None
+        repeats, chance, measured = None, None, self.measured
+        if isinstance(measured, Readings):
+            repeats = scatter_of_repeats(measured.plan, measured.value)
         if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
             lack = max(dof * size**2 - repeats.dof * repeats.sigma_mm**2, 0.0) / (dof - repeats.dof)
             chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))

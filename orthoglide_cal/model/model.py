@@ -204,10 +204,13 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
     accepted, before = model.accepted, simulate(model, offsets, plan)
     changes = []
     for k, effect in enumerate(accepted):
-        theta = effect.theta + np.expand_dims(effect.spread, tuple(range(1, offsets.ndim)))
+        spread = effect.spread
+        theta = effect.theta + np.expand_dims(spread, tuple(range(1, offsets.ndim)))
         moved = (*accepted[:k], replace(effect, theta=theta), *accepted[k + 1 :])
         readings = simulate(replace(model, accepted=moved), offsets, plan)
-        changes.append(np.moveaxis(readings - before, 0, -1))
+        # What has no uncertainty changes nothing, in no column.
+        change = np.broadcast_to(readings - before, (len(spread), *before.shape))
+        changes.append(np.moveaxis(change, 0, -1))
     return tuple(changes)
 
 

@@ -157,7 +157,7 @@ def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.G
     Raises UnusableResultError: any of the solves did not reach its optimum.
     """
     plan = ideal_plan(kind, model.machine)
-    problem, _ = pose_plan(plan, model, kind)
+    problem = pose_plan(plan, model, kind)
     signal = simulate(model, np.full(3, offset_mm), plan)
     stds = np.empty(REPLICATIONS)
     for k in range(REPLICATIONS):
@@ -193,16 +193,13 @@ def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
 
 def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
-    computed = {}
-    for number in (1, 2, 3):
-        solution = solve(experiment(number), model)
+    rows = []
+    for name, published in TABLE_4.items():
+        solution = solve(experiment(int(name[1])), model)
         promised = promise(solution.measured, solution, solution.offsets_mm)
-        computed[f"#{number} measured"] = [row.measured_mm for row in promised]
-        computed[f"#{number} expected"] = [row.expected_mm for row in promised]
-    rows = [
-        ReproducedRow(name, TABLE_4[name], (*values, rms(np.array(values))))
-        for name, values in computed.items()
-    ]
+        key = "measured_mm" if name.endswith("measured") else "expected_mm"
+        values = [getattr(row, key) for row in promised]
+        rows.append(ReproducedRow(name, published, (*values, rms(np.array(values)))))
     return Reproduction(
         table="4",
         title="Experimental data and expected improvements of accuracy, mm",
@@ -219,12 +216,12 @@ def table_4(model: Model) -> Reproduction:
 def table_5(model: Model) -> Reproduction:
     """Joint offsets of the three experiments."""
     rows = []
-    for number in (1, 2, 3):
-        solution = solve(experiment(number), model)
-        six = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
-        for method, figures in (("six", six), ("twelve", None)):
-            name = f"#{number} {method}-equation"
-            rows.append(ReproducedRow(name, TABLE_5[name], figures))
+    for name, published in TABLE_5.items():
+        computed = None
+        if name.endswith("six-equation"):
+            solution = solve(experiment(int(name[1])), model)
+            computed = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
+        rows.append(ReproducedRow(name, published, computed))
     return Reproduction(
         table="5",
         title="Model parameters obtained, mm",
@@ -243,7 +240,7 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
 
     Of all readings at once: the Cramér–Rao bound of the same isotropic, Max and Min readings.
     """
-    problem, _ = pose_plan(ideal_plan(kind, model.machine), model, kind)
+    problem = pose_plan(ideal_plan(kind, model.machine), model, kind)
     # σ_ρ = √(trace V / 3) (eq. 33)
     return rms(np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1]))))
 

@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method, Posed, pose_plan
+from orthoglide_cal.estimation import Method, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
 from orthoglide_cal.estimation.budget import (
     Budget,
@@ -83,33 +83,36 @@ class SessionForecast(Schema):
 
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
-    # Of the calibrated parameters, at the degrees of freedom that the readings will have.
-    budget: Budget = Field(exclude=True)
+    method: Method = Field(Method.READINGS, exclude=True)  # by which its readings are solved
     name: str = Field(serialization_alias="layout")
     what: str
     cycles: int
-    readings: int
     gauge_moves: int
     minutes: Minutes
 
     @classmethod
-    def of(
-        cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: object
-    ) -> Self:
-        """Forecast what a method finds of a session's readings; `more` as of a subclass.
+    def of(cls, model: Model, session: Layout, **more: object) -> Self:
+        """Forecast a session; `more` as of this class, or of a subclass."""
+        return cls(model=model, **session._asdict(), **more)
 
-        Raises:
-            UnusableResultError: they will not determine the parameters; says what to add.
+    @computed_field
+    @property
+    def readings(self) -> int:
+        return len(self.plan)
+
+    @cached_property
+    def budget(self) -> Budget:
+        """Of the calibrated parameters, at the degrees of freedom that the readings will have.
+
+        Raises UnusableResultError: they will not determine the parameters; says what to add.
         """
-        plan, machine = session.plan, model.machine
+        model, plan, gauge = self.model, self.plan, self.model.machine.instrument
         uncertain = _plausible_influences(model, plan)
-        estimator = estimator_for(model, plan, uncertain, method)
-        dof = len(plan) - plan.setups - len(machine.parameter_names)
-        scatter = Scatter(machine.instrument.noise_mm, float(dof)) if dof > 0 else None
-        taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
-        both = (*uncertain, *taken)
-        budget = budget_of(estimator, machine.instrument, scatter, both, plan.precision)
-        return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
+        estimator = estimator_for(model, plan, uncertain, self.method)
+        dof = len(plan) - plan.setups - len(estimator)
+        scatter = Scatter(gauge.noise_mm, float(dof)) if dof > 0 else None
+        both = (*uncertain, *fixed_influences(model, np.zeros(len(estimator)), plan))
+        return budget_of(estimator, gauge, scatter, both, plan.precision)
 
     @computed_field
     @cached_property
@@ -156,7 +159,10 @@ class SessionForecast(Schema):
     def rivals_sigma(self) -> float | None:
         """Between the causes that hide behind each other on this kind of machine [standard
         deviations]; None if it has none or one of the two cannot be."""
-        return rivals_sigma(self.model, self.plan)
+        model = self.model
+        if not model.machine.rivals:
+            return None
+        return next(iter(separations(model, self.plan, model.machine.rivals).pairs.values()), None)
 
     @property
     def worst_mm(self) -> float:
@@ -178,13 +184,6 @@ def lengths(model: Model, values: Sequence[float]) -> dict[str, float]:
     return {name: value for name, unit, value in named if unit == "mm"}
 
 
-def rivals_sigma(model: Model, plan: Plan) -> float | None:
-    """How far apart readings get the rivals of a kind of machine, see `SessionForecast`."""
-    if not model.machine.rivals:
-        return None
-    return next(iter(separations(model, plan, model.machine.rivals).pairs.values()), None)
-
-
 def estimator_for(
     model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
@@ -192,14 +191,13 @@ def estimator_for(
 
     `uncertain` acts on them in addition to noise. Raises UnusableResultError.
     """
-    problem, which = pose_plan(plan, model, method.uses)
+    problem = pose_plan(plan, model, method.uses)
     require_rank(problem)
-    posed = Posed(problem, problem.at_zero[0], which)
     if method is Method.READINGS:
         columns = np.hstack([influence.columns for influence in uncertain])
-        posed = posed.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
+        problem = problem.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
     # The slope hardly depends on the offsets: near zero every method is a linear one.
-    return np.asarray(method.estimator(posed) @ posed.problem.matrix)
+    return np.asarray(method.estimator(problem) @ problem.matrix)
 
 
 @lru_cache(maxsize=128)
@@ -239,7 +237,8 @@ def forecast(
     order: Order = Order.PAPER,
 ) -> SessionForecast:
     """Forecast a `session_of` a protocol by a method that its readings can feed."""
-    return SessionForecast.of(model, session_of(model, protocol, cycles, stands, order), method)
+    session = session_of(model, protocol, cycles, stands, order)
+    return SessionForecast.of(model, session, method=method)
 
 
 def fewest_cycles(
@@ -291,12 +290,8 @@ class Alternative:
 class BestDesign(SessionForecast):
     """The best session that is known: the fewest readings, or what distinguishes rivals."""
 
-    causes: tuple[str, ...] = ()  # the rivals; empty for the fewest readings
-    wanted_sigma: float | None = None
-    reached: bool = True  # whether they are that far apart, or U is as wanted
     gauge_at: float | None = None  # along the leg
     postures_mm: tuple[float, ...] = ()
-    places_mm: tuple[dict[str, float], ...] = ()  # where a machine that measures itself goes
 
 
 @dataclass(frozen=True)
@@ -367,12 +362,10 @@ def measurement_plan(
         UnusableResultError: such readings will not determine the parameters.
     """
     machine, stands, compare = model.machine, wanted.stands, tuple[Alternative, ...]()
-    if offer := _offered(model, wanted):
-        chosen, shown, design = offer
-        floor, most, plan = chosen.floor, None, chosen.plan
-    else:
-        chosen, most = chosen_session(model, wanted), MOST_CYCLES
-        protocol, best = MeasuringProtocol(chosen.name), MeasuringProtocol.BEST
+    chosen, (shown, design) = chosen_session(model, wanted), _offered(model)
+    floor, most, plan = chosen.floor, None, chosen.plan
+    if not shown:
+        protocol, best, most = MeasuringProtocol(chosen.name), MeasuringProtocol.BEST, MOST_CYCLES
         numbers = sorted({*SHOWN_CYCLES, chosen.cycles})
         shown = tuple(forecast(model, protocol, n, stands=stands) for n in numbers)
         floor = forecast(model, protocol, most, stands=stands).floor
@@ -385,14 +378,8 @@ def measurement_plan(
         )
         # For the same U; with as many cycles where no number reaches it.
         as_sure, (postures, gauge_at) = compare[-1].same_expanded, design_of(machine)
-        cycles = as_sure.cycles if as_sure else chosen.cycles
-        design = BestDesign.of(
-            model,
-            session_of(model, best, cycles, stands, fewest),
-            reached=as_sure is not None,
-            gauge_at=gauge_at,
-            postures_mm=postures,
-        )
+        session = session_of(model, best, (as_sure or chosen).cycles, stands, fewest)
+        design = BestDesign.of(model, session, gauge_at=gauge_at, postures_mm=postures)
     target = None
     if wanted.target_mm is not None:
         reached = chosen.worst_mm <= wanted.target_mm
@@ -431,10 +418,18 @@ def measurement_plan(
 def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
     """The layout that is wanted, or the session with the cycles that are, or that the target takes.
 
-    Arguments and errors as of `measurement_plan`.
+    Of layouts the best where none is named. Arguments and errors as of `measurement_plan`.
     """
-    if offer := _offered(model, wanted):
-        return offer[0]
+    offered, design = _offered(model)
+    if offered:
+        if wanted != Wanted(layout=wanted.layout):
+            raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
+        names = {session.name: session for session in offered}
+        name = wanted.layout or (design or offered[0]).name
+        if name not in names:
+            raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
+        return names[name]
+    model.machine.check_guided()
     if wanted.layout is not None:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
     protocol, shortest = wanted.protocol or MeasuringProtocol.DOUBLE, None
@@ -444,42 +439,20 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
     return shortest or forecast(model, protocol, wanted.cycles or CYCLES, stands=wanted.stands)
 
 
-def _offered(
-    model: Model, wanted: Wanted
-) -> tuple[SessionForecast, tuple[SessionForecast, ...], BestDesign | None] | None:
-    """Which layout is chosen, all that there are, and the best; None where protocols are followed.
+@lru_cache(maxsize=8)
+def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], BestDesign | None]:
+    """All layouts that there are, and the best; none of a machine that follows protocols.
 
-    Chosen is the one that is wanted, else the best, or without one the quickest. The best is the
-    quickest that distinguishes the rivals, or the one that does it best.
+    The best is the quickest that distinguishes the rivals, or the one that does it best.
     """
     machine, best, most = model.machine, None, 0.0
-    layouts = machine.layouts()
-    if not layouts:
-        machine.check_guided()
-        return None
-    if wanted != Wanted(layout=wanted.layout):
-        raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
     for layout in machine.distinguishing_layouts():
-        if (sigma := rivals_sigma(model, layout.plan)) is None:
+        design = BestDesign.of(model, layout)
+        if (sigma := design.rivals_sigma) is None:
             break
         if sigma > most:
-            best, most = layout, sigma
+            best, most = design, sigma
         if sigma >= CERTAIN_SIGMA:
             break
-    design = None
-    if best is not None:
-        places = best.plan.spots.tolist()
-        design = BestDesign.of(
-            model,
-            best,
-            causes=machine.rivals,
-            wanted_sigma=CERTAIN_SIGMA,
-            reached=most >= CERTAIN_SIGMA,
-            places_mm=tuple(dict(zip("xyz", place, strict=True)) for place in places),
-        )
-    offered = (*(SessionForecast.of(model, layout) for layout in layouts), *filter(None, [design]))
-    names = {session.name: session for session in offered}
-    name = wanted.layout or (design or offered[0]).name
-    if name not in names:
-        raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
-    return names[name], offered, design
+    offered = (SessionForecast.of(model, layout) for layout in machine.layouts())
+    return (*offered, *filter(None, [best])), best

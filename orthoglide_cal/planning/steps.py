@@ -7,9 +7,8 @@ accuracy.
 import functools
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
-from itertools import product
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import Machine, Suspicion
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import (
-    MARGIN,
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
     ROUNDING,
@@ -29,7 +27,7 @@ from orthoglide_cal.model.orthoglide import (
     single_posture,
     visiting,
 )
-from orthoglide_cal.model.plan import Floats, Ints, Plan
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture, Series
 
 # Pace assumed for what else is done between readings [min].
@@ -38,12 +36,6 @@ MINUTES_PER_SLIDE = 0.5  # slide a stand from one end of a leg to the other
 NOTHING_ENTERED = (0.0, 0.0, 0.0)
 CYCLES = 3  # of a session, if nothing else is said
 MOST_CYCLES = 50  # that `measure --cycles` takes
-# Postures that are tried for the best design, as shares of the lower and of the upper joint limit.
-SHARES = np.array([(0.0, 0.0), (0.0, 1.0), (0.0, 0.5), (0.5, 0.0), (1.0, 0.0)])
-# A gauge is read at most so often in a cycle.
-MOST_VISITS = 5
-# Places along the leg that are tried, half-way first: a rule is enough to find a twentieth.
-PLACES = sorted((k / 20 for k in range(21)), key=lambda place: abs(place - 0.5))
 # Precision [1] of an offset that no reading sees.
 NOTHING = 1e-12
 # What the best design shows less well than the double-posture protocol: with two postures a track
@@ -259,66 +251,36 @@ def posture_name(step: SessionStep) -> str:
 
 # A plan asks for it once for each number of cycles.
 @functools.lru_cache(maxsize=8)
-def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
+def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 
-    The offsets show in differences of readings that share a gauge zero. With w_d readings at
-    posture d of each gauge, the precision of the offsets is
+    The offsets show in differences of readings that share a gauge zero. These are largest between
+    the ends of the travel, with the gauge as far along the leg as its plunger stays on the bar:
+    no other postures along the legs do better. Of the places nearest to the joint and to the tool
+    that is taken where the largest variance of an offset is smaller, diag (Σ D Dᵀ)⁻¹ with
+    D = J_high − J_low of each gauge. Postures that displace other carriages, too, as far as the
+    plunger follows (5 mm), would save 3 to 5 % more: not worth a stand that has to be watched.
 
-        Σ_gauges Σ_d w_d (J_d − J̄)ᵀ (J_d − J̄) / σ²,   J̄ = Σ w_d J_d / Σ w_d
-
-    Searched are all whole numbers w_d up to a few readings per cycle, and the places of the gauges,
-    for the smallest product of the largest variance and the number of readings: so many readings a
-    wanted accuracy takes. Postures that displace other carriages, too, as far as the plunger
-    follows (5 mm), would save 3 to 5 % more: not worth a stand that has to be watched.
-
-    Displacements [mm] of one cycle in their order, within the joint limits, and a place along the
-    leg, one per leg and direction, as of `visiting`; each plunger stays `MARGIN` from both joints.
+    Displacements [mm], the higher one first, and a place along the leg, as of `visiting`; each
+    plunger stays `MARGIN` from both joints.
 
     Raises UnusableResultError: no such postures determine the offsets.
     """
-    postures = SHARES @ np.array(machine.limits_mm)
-    every = np.array(list(product(range(MOST_VISITS + 1), repeat=len(postures))), dtype=np.intp)
-    every = every[np.isin(every.sum(axis=1), range(2, MOST_VISITS + 1))]
-    # Of designs that are equally good the shortest comes first.
-    every = every[np.argsort(every.sum(axis=1), kind="stable")]
-    # All readings with the gauges at each of the places; ∂readings/∂Δρ, (places, 6, postures, 3).
-    plan = visiting(tuple(postures.tolist()))
-    everywhere = replace(
-        plan.subset(np.tile(np.argsort(plan.setup, kind="stable"), len(PLACES))),
-        gauge_at=np.repeat(PLACES, len(plan)),
-    )
-    slopes = differentiate(Model(machine), np.zeros(3), everywhere)[1]
-    jacobians = slopes.reshape(len(PLACES), plan.setups, len(postures), 3)
-    least, best = 1.0 / NOTHING**0.5, None
-    for place, jacobian in zip(PLACES, jacobians, strict=True):
-        near_joint = np.abs(place + postures / machine.leg_mm - 0.5) > 0.5 - MARGIN + ROUNDING
-        count = every[~np.any(every[:, near_joint], axis=1)]
-        needed = _cost(jacobian, count)
-        if needed.min(initial=least) < least * (1.0 - ROUNDING):
-            least = float(needed.min())
-            chosen = count[int(np.argmax(needed <= least * (1.0 + ROUNDING)))]
-            # In turn: what is alike stands apart in time.
-            turns = np.concatenate([np.flatnonzero(chosen > turn) for turn in range(MOST_VISITS)])
-            best = tuple(postures[turns].tolist()), place
+    least, best = NOTHING**-0.5, None
+    low, high = machine.limits_mm if machine.gauge_places else machine.reach_mm(0.5)
+    for place in sorted(machine.gauge_places or (0.5,), key=lambda at: abs(at - 0.5)):
+        plan = visiting((high, low), place)
+        slopes = differentiate(Model(machine), np.zeros(3), plan)[1]
+        apart = slopes[plan.displacement == high] - slopes[plan.displacement == low]
+        largest = np.diag(np.linalg.inv(apart.T @ apart + NOTHING * np.eye(3))).max()
+        if largest < least * (1.0 - ROUNDING):
+            least, best = float(largest), ((high, low), place)
     if best is None:
         raise UnusableResultError(
             "No postures within the joint limits let the gauges see the joint offsets.",
             "Check joint_limits_mm and leg_length_mm in the machine file.",
         )
     return best
-
-
-def _cost(jacobian: Floats, count: Ints) -> Floats:
-    """Readings for a variance of σ² of c designs that visit postures (c, p), shape (c,)."""
-    total = count.sum(axis=1)
-    # Σ w J Jᵀ − (Σ w J)(Σ w J)ᵀ/Σ w, summed over the gauges.
-    squares = np.tensordot(count, np.einsum("gpi,gpj->pij", jacobian, jacobian), axes=1)
-    sums = np.tensordot(count, jacobian, axes=(1, 1))
-    precision = squares - np.einsum("cgi,cgj->cij", sums, sums) / total[:, None, None]
-    covariance = np.linalg.inv(precision + NOTHING * np.eye(3))
-    largest = np.diagonal(covariance, axis1=1, axis2=2).max(axis=1)
-    return np.asarray(largest * total * len(jacobian))
 
 
 def require_on_bar(plan: Plan, machine: Machine) -> Suspicion | None:

@@ -264,7 +264,7 @@ def verify(
     added = correcting(model.machine, corrected)
     shared = shared_contrasts(before.measured, after.measured, model)
     response = _respond(shared, model.extended(added), first.offsets_mm, applied)
-    later = pose(after.measured, model, table_kind(before.measured))
+    later, data = pose(after.measured, model, table_kind(before.measured))
     names = [difference.name for difference in later.which]
     every = promise(before.measured, first, applied, right, added)
     promised = [row for row in every if row.name in names]
@@ -274,8 +274,8 @@ def verify(
             "Measure the postures max and min before and after.",
         )
     chosen = [names.index(row.name) for row in promised]
-    left, noise_mm = later.data[chosen], model.machine.instrument.noise_mm
-    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.problem.covariance()))[chosen]
+    left, noise_mm = data[chosen], model.machine.instrument.noise_mm
+    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
     pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
     rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
     was, will_be, sure = np.array(
@@ -320,7 +320,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     if machine != later or stated:
         entered = np.subtract(later.active, machine.active).round(9).tolist()
     first, second = (_solved(given, given.model)[0] for given in (before, after))
-    count, touches = (int(one.posed.problem.plan.touches.sum()) for one in (first, second))
+    count, touches = (int(one.problem.plan.touches.sum()) for one in (first, second))
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
@@ -352,7 +352,7 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
 
     `heights` (n,) are those of all readings, or what the parameters leave of them [mm].
     """
-    plan, machine = solution.posed.problem.plan, solution.model.machine
+    plan, machine = solution.problem.plan, solution.model.machine
     # Without their mean: the first layer's height is set apart.
     left = heights[plan.touches] - heights[plan.touches].mean()
     count, total = len(left), float(left @ left)
@@ -525,13 +525,13 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
             "Measure both with the same protocol.",
         )
     kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
-    first, second = (pose(measured, model, kind) for measured in (before, after))
-    both = [difference for difference in first.which if difference in second.which]
+    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
+    both = [difference for difference in first[0].which if difference in second[0].which]
     problems, change = list[Problem](), np.zeros(len(both))
-    for posed, sign in ((first, -1.0), (second, 1.0)):
-        chosen = sign * np.eye(len(posed.data))[[*map(posed.which.index, both)]]
-        problems.append(replace(posed.problem, matrix=chosen @ posed.problem.matrix))
-        change += chosen @ posed.data
+    for (problem, data), sign in zip(posed, (-1.0, 1.0), strict=True):
+        chosen = sign * np.eye(len(data))[[*map(problem.which.index, both)]]
+        problems.append(replace(problem, matrix=chosen @ problem.matrix))
+        change += chosen @ data
     return SharedContrasts(kind, problems[0], problems[1], change)
 
 

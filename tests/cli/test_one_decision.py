@@ -189,9 +189,9 @@ def test_undecided_the_residual_is_that_of_the_values_shown() -> None:
         given = read_input(str(SAMPLES / f"experiment{k}.csv"))
         shown = answer_to(given)
         assert shown.verdict is Verdict.AMBIGUOUS
-        posed = pose(given.measured, given.model, given.measured.kind)
+        problem, data = pose(given.measured, given.model, given.measured.kind)
         values = np.array([each.found for each in shown.parameters])
-        left = posed.data - posed.problem.predict(values)
+        left = data - problem.predict(values)
         assert shown.rms.after_mm == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-12)
         alone = solve(given.measured, given.model)
         assert shown.rms.after_mm > alone.rms_after_mm

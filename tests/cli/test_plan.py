@@ -125,17 +125,16 @@ def test_the_json_is_that_of_the_contract_as_far_as_it_fits() -> None:
         assert sizes[f"print-{count}"] == count + 12
     assert data["protocol"] == "telling"
     design = data["design"]
-    assert design["causes"] == ["tower_lean", "bed_shape"]
-    assert design["reached"]
-    assert design["rivals_sigma"] >= design["wanted_sigma"] == 5.0
-    assert len(design["places_mm"]) == design["readings"] == sizes["telling"]
+    rivals = frozenset(("tower_lean", "bed_shape"))
+    assert design["rivals_sigma"] >= 5.0
+    assert design["readings"] == sizes["telling"]
     pairs = {frozenset(each["causes"]): each["sigma"] for each in data["separation"]}
-    assert pairs[frozenset(design["causes"])] == pytest.approx(design["rivals_sigma"])
+    assert pairs[rivals] == pytest.approx(design["rivals_sigma"])
     assert "tower_radius" in data["invisible"]
     assert data["limits"]["source"] == "leg_length"
     flat = lines(run("plan", *MACHINE, "--layout", "bed-49", "--json"))[0]
     pairs = {frozenset(each["causes"]): each["sigma"] for each in flat["separation"]}
-    assert pairs[frozenset(design["causes"])] < 1.0
+    assert pairs[rivals] < 1.0
 
 
 def test_the_page_of_a_printer_fits_a_terminal() -> None:
@@ -157,9 +156,8 @@ def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:
     assert data["next"]
     text = run("plan", str(path), "--data", "mesh", "--program", "-").stdout
     rows = list(csv.DictReader(text.splitlines()))
-    assert [{name: float(row[f"{name}_mm"]) for name in "xyz"} for row in rows] == data["design"][
-        "places_mm"
-    ]
+    assert len(rows) == data["design"]["readings"]
+    assert len({tuple(row[f"{name}_mm"] for name in "xyz") for row in rows}) == len(rows)
 
 
 # A skewed bar that may as well be rails that do not meet.

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.estimation import Method, Posed, Problem, fit_offsets, pose_plan
+from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose_plan
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
@@ -87,15 +87,22 @@ def solved(
 
     Readings are weighted with influences as at the `expected` parameters.
     """
-    problem, which = pose_plan(plan, model, method.uses)
+    problem = pose_plan(plan, model, method.uses)
     data = values @ problem.matrix.T
-    posed = Posed(problem, data[0], which)
     if method.linear:
-        return np.asarray((data - problem.at_zero[0]) @ method.estimator(posed).T)
+        return np.asarray((data - problem.at_zero[0]) @ method.estimator(problem).T)
     if method is Method.READINGS:
         columns = np.hstack([each.columns for each in influences(model, expected, plan)])
         ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
-        problem = posed.weighted(ratio).problem
+        problem = problem.weighted(ratio)
     fit = fit_offsets(problem, values @ problem.matrix.T)
     assert np.all(fit.converged)
     return fit.offsets_mm
+
+
+def remaining_step(problem: Problem, data: Floats, offsets: Floats) -> Floats:
+    """Length of the Gauss–Newton step that is left at offsets (..., 3), (...) [std. dev.]."""
+    predicted, jacobian = problem.predict_with_jacobian(offsets, strict=False)
+    step = np.linalg.pinv(np.nan_to_num(jacobian)) @ (data - predicted)[..., None]
+    moved = np.linalg.norm((jacobian @ step)[..., 0], axis=-1)
+    return np.asarray(moved / problem.model.machine.instrument.noise_mm)

@@ -13,7 +13,8 @@ from scipy import stats
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import scatter_of_repeats, sum_of_squares
+from orthoglide_cal.estimation.accuracy import scatter_of_repeats
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
@@ -59,7 +60,8 @@ def test_what_noise_leaves_of_differences_is_chi_squared(kind: DataKind, influen
     for estimator in (np.linalg.pinv(jacobian), first_three):
         assert estimator @ jacobian == pytest.approx(np.eye(3), abs=1e-9)
         residual = data - data @ estimator.T @ jacobian.T
-        found = [sum_of_squares(problem, jacobian, row, ratio) / 0.02**2 for row in residual]
+        left = unexplained(*problem.whitened(ratio, jacobian, residual.T))
+        found = (left**2).sum(axis=0) / 0.02**2
         assert stats.kstest(found, stats.chi2(k - 3).cdf).pvalue > 1e-5
 
 
@@ -71,7 +73,7 @@ def test_no_spare_difference_means_no_sigma() -> None:
     assert solution.noise.sigma_mm == PROTOTYPE.gauge.noise_mm
     assert solution.lack_of_fit_p is None
     assert "no spare readings" in sentences([solution.judgement])[0]
-    assert solution.expanded_mm == pytest.approx(stats.norm.ppf(0.975) * solution.std_mm, rel=1e-6)
+    assert solution.budget.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
 
 
 def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
@@ -81,8 +83,6 @@ def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
     assert (found.sigma_mm, found.dof) == (pytest.approx(0.0, abs=1e-12), 12)
     plan = double_posture(PROTOTYPE, cycles=1, closing=False)
     assert scatter_of_repeats(plan, np.zeros(len(plan))) is None
-    for data in (readings(NOMINAL, plan), differences(SIX, NOMINAL)):
-        assert solve(data, NOMINAL).repeats is None
 
 
 def test_a_distance_scatters_by_as_much_more_as_it_is_less_precise() -> None:

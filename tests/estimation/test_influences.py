@@ -127,10 +127,12 @@ def test_the_budget_is_that_of_gtc(gauge: truth.Gauge, cycles: int) -> None:
     budget = solution.budget.extended(warmth(26.5, session.machine.leg))
     other, n = EveryUnknown(session), session.plan.count
     # The program weighs once, at plain least squares; the rest is of second order.
-    assert solution.offsets_mm == pytest.approx(other.offsets, abs=0.01 * solution.std_mm.min())
+    assert solution.offsets_mm == pytest.approx(
+        other.offsets, abs=0.01 * solution.budget.std_mm.min()
+    )
     if gauge is truth.MICRON:
         plain = solve(measured, sure(model)).offsets_mm
-        assert np.abs(solution.offsets_mm - plain).max() > 0.1 * solution.std_mm.min()
+        assert np.abs(solution.offsets_mm - plain).max() > 0.1 * solution.budget.std_mm.min()
     noise = GTC.multiple_ureal([0.0] * n, [other.scatter] * n, other.dof)
     unit = [GTC.ureal(0.0, 1.0) for _ in range(10)]
     # Up to all of the growth of steel legs, rectangular.

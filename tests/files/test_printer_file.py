@@ -220,7 +220,7 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
     expected = klipper_fit(V400, text)
     assert arms.theta == pytest.approx(expected[6:] - V400.arms, abs=1e-3)
     apart = np.array(given.model.machine.active) + solution.offsets_mm - expected[:6]
-    assert np.all(np.abs(apart) < (solution.expanded_mm / 5.0 if noise else 1e-3))
+    assert np.all(np.abs(apart) < (solution.budget.expanded_mm / 5.0 if noise else 1e-3))
     assert np.abs(expected[6:] - V400.arms).max() > 0.5
     # Three distances would fit any arms.
     few = saved(tmp_path, printer_cfg(V400, truth, sections="c"), "few.cfg")

@@ -138,7 +138,7 @@ def test_values_are_frozen_to_the_last_array() -> None:
         NOMINAL.machine.command(PLAN),
         solution,
         diagnosis,
-        fit_offsets(solution.posed.problem, np.stack((solution.posed.data,) * 2)),
+        fit_offsets(solution.problem, np.stack((solution.data,) * 2)),
     )
     for value in values:
         arrays = list(arrays_in(value))

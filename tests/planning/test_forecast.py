@@ -117,7 +117,7 @@ def test_the_expected_uncertainty_is_what_solve_gives(
         for _ in range(60):
             offsets = OFFSET_MM * rng.choice([-1.0, 1.0], 3)
             session = synthetic_session(machine, found.plan, offsets, rng)
-            reach.append(solve(session, machine, name).expanded_mm)
+            reach.append(solve(session, machine, name).budget.expanded_mm)
         assert found.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=within)
 
 

@@ -13,6 +13,7 @@ from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
+    CERTAIN_SIGMA,
     MeasurementPlan,
     SessionForecast,
     Wanted,
@@ -92,15 +93,16 @@ def test_the_expected_uncertainty_is_what_solve_gives() -> None:
     laid = layouts()["blocks-25"]
     plan, value = true_readings(V400, TRUTH, laid.plan)
     every = drawn(V400, plan, value, np.random.default_rng(14))[:40]
-    reach = [solve(readings_of_touches(plan, each), V400_MODEL).expanded_mm for each in every]
+    reach = [
+        solve(readings_of_touches(plan, each), V400_MODEL).budget.expanded_mm for each in every
+    ]
     assert laid.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=0.04)
 
 
 def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     best = usual().design
     assert usual().chosen is best
-    assert best.reached
-    enough = best.wanted_sigma
+    enough = CERTAIN_SIGMA
     sigma = {name: layout.rivals_sigma or 0.0 for name, layout in layouts().items()}
     assert all(sigma[f"bed-{count}"] < 1.0 for count in (7, 13, 25, 49, 121))
     assert sigma["telling"] >= enough
@@ -122,7 +124,7 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(LinearDelta, "distinguishing_layouts", lambda machine: every(machine)[::9])
     rough = V400_MODEL.machine.changed(probe=V400_MODEL.machine.probe.changed(texture_mm=0.2))
     design = new_plan(Model(rough), Wanted()).design
-    assert not design.reached
+    assert design.rivals_sigma < CERTAIN_SIGMA
     best = max(
         max(separations(Model(rough), layout.plan, rough.rivals).pairs.values())
         for layout in rough.distinguishing_layouts()

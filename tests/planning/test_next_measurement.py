@@ -273,7 +273,7 @@ def test_u_is_that_of_the_session_alone() -> None:
     readings, model = known(session)
     for following in rank_measurements(diagnose(reduced(DataKind.SIX, readings, model), model)):
         sessions = [measured_alone(session, following, seed) for seed in range(6)]
-        reach = [solve(readings, model).expanded_mm.max() for readings in sessions]
+        reach = [solve(readings, model).budget.expanded_mm.max() for readings in sessions]
         assert following.expanded.max() == pytest.approx(np.mean(reach), rel=0.1)
 
 

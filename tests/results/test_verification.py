@@ -337,7 +337,7 @@ def test_what_was_read_in_another_way_is_left_out() -> None:
 
 def test_the_papers_differences_are_those_of_the_machine_as_it_was_found() -> None:
     (alone, model), (stepped, _) = known(FIRST), known(again(FIRST, entered=STEP))
-    usual, found = (pose(each, model, DataKind.TWELVE).data for each in (alone, stepped))
+    usual, found = (pose(each, model, DataKind.TWELVE)[1] for each in (alone, stepped))
     assert found == pytest.approx(usual, abs=1e-12)
     # All of them would give something else.
     plan = stepped.plan

@@ -219,7 +219,7 @@ def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> Non
     assert new.plan.entered[-1].tolist() == [0.0, 0.0, 0.0]
     found = solve(new, default_machine())
     hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
-    assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.std_mm)
+    assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.budget.std_mm)
 
 
 HERE = Path(__file__).parent

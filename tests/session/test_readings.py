@@ -66,7 +66,7 @@ def test_live_readings_are_those_of_the_file(
     assert (live.posture, live.gauge, live.timed) == (filed.posture, filed.gauge, filed.timed)
     shown, solved = so_far.solution, solve(filed, read.model)
     assert shown.offsets_mm.tolist() == solved.offsets_mm.tolist()
-    assert shown.expanded_mm.tolist() == solved.expanded_mm.tolist()
+    assert shown.budget.expanded_mm.tolist() == solved.budget.expanded_mm.tolist()
 
 
 def test_too_few_readings_and_readings_that_no_file_takes_have_no_solution() -> None:

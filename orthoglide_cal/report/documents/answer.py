@@ -154,13 +154,13 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
-    Where a screen has too few lines for it, notes give way, then baselines, the reminder to
-    solve again, the residuals, and all steps but the first ones.
+    Where a screen has too few lines for it, notes give way, then the reminder to solve again, the
+    residuals, and all steps but the first ones.
     """
     answer, named = case.answer, case.answer.verdict is Verdict.NAMED
     undecided = answer.verdict is Verdict.AMBIGUOUS
     most = _UNDECIDED if undecided else _BEYOND if answer.beyond else _DECIDED
-    baselines, steps = [*_baselines(case)], [*_diagnosis_steps(case)]
+    steps = [*_diagnosis_steps(case)]
     kept = 1 + undecided  # what is wrong in any case, and what decides
     first, others = steps[:kept], steps[kept:]
     residuals = [brief_residuals(case)] if named else []
@@ -179,11 +179,11 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
         decisive, left = [_open_grid(case)], left * bool(answer.holdout)
 
     def page() -> doc.Page:
-        parts: list[Sequence[doc.Block]] = [decisive, [*left, *baselines], *residuals]
+        parts: list[Sequence[doc.Block]] = [decisive, left, *residuals]
         last = doc.next_steps([*first, *others, *again], *notes, _more(case, "diagnose"))
         return replace(begun, sections=[*(doc.Section(None, *part) for part in parts), last])
 
-    return fitting(page, notes, baselines, again, residuals, others, lines=most)
+    return fitting(page, notes, again, residuals, others, lines=most)
 
 
 def _more(case: Case, verb: str) -> doc.Line:
@@ -616,14 +616,20 @@ def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator
 
 
 def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
-    """Residuals without and with the causes, of readings fitted and not; `late`: last ones too."""
+    """Residuals without and with the causes, of readings fitted and not, and baselines.
+
+    `late`: of patterns also those of the last third.
+    """
     answer, lack = case.answer, case.answer.lack_of_fit
-    left: dict[str, tuple[float | None, float | None]] = {}
     head = ["r.m.s., mm", f"{case.words.many} only"]
+    left: dict[str, tuple[float | None, float | None]] = {}
+    if lack is not None:
+        left["fitted"] = lack.left_mm, None
+    predicting = f"predicting {'later' if answer.holdout else 'omitted'} readings"
     if answer.causes:
         first = answer.causes[0]
         left["fitted"] = first.rms_before_mm, first.rms_after_mm
-        left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
+        left[predicting] = first.heldout_before_mm, first.heldout_after_mm
         head.append(f"with {' and '.join(cause.id for cause in answer.causes)}")
     if answer.beyond:
         best = answer.beyond[0]
@@ -632,8 +638,11 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
         if late:
             left["last third, there"] = best.last_third_before_mm, best.last_third_after_mm
         head.append(f"with the {pattern_name(best)}")
+    if baselines := answer.baselines:
+        left.setdefault(predicting, (baselines.parameters_mm, None))
+        left["  by a quartic surface"] = baselines.quartic_mm, None
+        left["  by the earlier map"] = baselines.earlier_map_mm, None
     if lack is not None:
-        left.setdefault("fitted", (lack.left_mm, None))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = lack.expected_mm, None
     rows = [
         (name, *("" if mm is None else plain(mm, 4) for mm in pair))[: len(head)]
@@ -641,23 +650,6 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
         if pair[0] is not None
     ]
     return doc.Grid(head, rows)
-
-
-def _omitted(case: Case) -> str:
-    return "later readings" if case.answer.holdout else "omitted readings"
-
-
-def _baselines(case: Case) -> Iterator[str]:
-    """Predictions of a printer's extension, compared with those that need no cause."""
-    if baselines := case.answer.baselines:
-        errors = {
-            f"{case.words.many} only": baselines.parameters_mm,
-            "with the causes": baselines.extension_mm,
-            "a quartic surface": baselines.quartic_mm,
-            "the earlier map": baselines.earlier_map_mm,
-        }
-        known = (f"{name} {plain(1e3 * mm, 1)}" for name, mm in errors.items() if mm is not None)
-        yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(known)}."
 
 
 def _name(state: Explanation) -> str:

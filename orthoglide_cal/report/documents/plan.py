@@ -257,8 +257,8 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
     if best is None or best.name == plan.chosen.name:
         return
     size = f"{best.readings} readings, {best.minutes:.0f} min"
-    if best.causes:
-        surely = "" if best.reached else ", if not surely"
+    if plan.gauges is None:
+        surely = "" if (best.rivals_sigma or 0.0) >= CERTAIN_SIGMA else ", if not surely"
         yield f"To distinguish {rivals}{surely}: {size} (--layout {best.name})."
     elif best.minutes < plan.chosen.minutes:
         yield f"Shorter: {size} (--design best); some faults show less."
@@ -398,8 +398,8 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     today = "" if now is None else f" {today} ± {two_figures(now)} mm."
     worth = [f"With it: {_reach(plan.model, best.expanded)}.{today}"]
     if plan.target is not None:
-        # The quickest way to the U that was asked for, with the data that there are.
         wanted = plan.target.expanded_mm
+        # The quickest way to the U that was asked for, with the data that there are.
         able = [option for option in plan.next if _worst(option) <= wanted]
         when = "is reached by none of these."
         if now is not None and now <= wanted:
