@@ -8,7 +8,7 @@ from orthoglide_cal.model.cause import Cause, Screw, worded
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
-from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES
 
 
@@ -20,7 +20,7 @@ class EncoderScale(Cause):
     unit = "1e-3"
     # Belt or screw lead error, or a scale entered with few digits.
     sizes = MappingProxyType({Orthoglide: 1.0, LinearDelta: 1.0})
-    by_joint = True
+    by_joint = with_travel = True
     scale = 1e-3
     names = ("x", "y", "z")
     lasting = True
@@ -38,6 +38,11 @@ class EncoderScale(Cause):
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""
         return joints + theta[..., None, :] * (command.joints - command.home)
+
+    def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
+        """ρ − q = −k/(1 + k) · (q − L), however it moves."""
+        added = -theta / (1.0 + theta) * (joints[:, None] - home)
+        return np.stack([added, added])
 
 
 class Backlash(Cause):
@@ -72,6 +77,11 @@ class Backlash(Cause):
         lag = -0.5 * theta[..., None, :3] * approach
         start = theta[..., None, 3:] * np.asarray(approach == 0.0, dtype=np.float64)
         return np.asarray(joints + lag + start)
+
+    def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
+        """ρ − q = w/2 · sign of the motion."""
+        half = np.tile(0.5 * theta[:3], (len(joints), 1))
+        return np.stack([half, -half])
 
 
 class ThermalDrift(Cause):

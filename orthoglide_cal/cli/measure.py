@@ -4,7 +4,8 @@ import errno
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -81,7 +82,6 @@ def measure(
 ) -> int:
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal.files.input import machine_in_folder
-    from orthoglide_cal.files.linuxcnc import Standing
     from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
@@ -113,6 +113,7 @@ def measure(
         order=Order(order) if order else None,
         stands=gauges,
         source=tuple(gauge or ()),
+        follow=follow,
         seed=seed,
         unit=unit,
         until_mm=until,
@@ -121,12 +122,7 @@ def measure(
         gauges=tuple(GaugeLabel(id=visible(id), certificate=visible(no)) for id, no in labels),
         says=sentence,
     )
-
-    def begin(asker: "Asker", opened: ExitStack) -> "Dialogue":
-        standing = opened.enter_context(closing(Standing(follow))) if follow else None
-        return open_session(request, asker, opened, standing)
-
-    with guided(begin, "measure", json) as dialogue:
+    with guided(partial(open_session, request), "measure", json) as dialogue:
         dialogue.publish()
         case = common.judged(common.read_input(str(dialogue.path)), details=json)
         common.deliver(solution_document(case), as_json=json, details=False)
@@ -155,7 +151,9 @@ def guided(
     before = {number: signal.signal(number, signal.default_int_handler) for number in caught}
     message = again = ""
     try:
-        with closing(Keyboard()) as keyboard, ExitStack() as opened:
+        with ExitStack() as opened:
+            keyboard = Keyboard(sys.stderr if as_json else sys.stdout)
+            opened.callback(keyboard.close)
             dialogue = begin(Asker(keyboard, _display(as_json)), opened)
             path, options = str(dialogue.path), f"{options} --resume".strip()
             again = command(verb, path, machine=machine, options=options)

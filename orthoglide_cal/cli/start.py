@@ -29,12 +29,8 @@ def start() -> None:
     except OrthocalError as error:
         known = str(error)
     to = unwritten(file) if file else None
-    sessions, printers, waiting = (
-        sessions_in(here, tables=True),
-        printers_in(here),
-        unfinished(here),
-    )
-    measured = [*sessions]
+    sessions, printers = sessions_in(here, tables=True), printers_in(here)
+    waiting, measured = unfinished(here), [*sessions]
     while measured and _simulated(measured[-1]):
         measured.pop()
     # Practice is the round only where it is meant to be, or where there is nothing else.

@@ -207,10 +207,8 @@ class LinuxCnc(ControllerFile):
         know where the isotropic posture is."""
         if not cause.by_joint:
             return "no_place"
-        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
-        even = np.all((up == up[0]) & (down == down[0]))
         known = all(self._origin_mm(axis, machine.home_mm) is not None for axis in AXES)
-        return "" if known or even else "no_origin"
+        return "no_origin" if cause.with_travel and not known else ""
 
     def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
         effects = correcting(model.machine, causes)
@@ -323,11 +321,8 @@ class Klipper(ControllerFile):
 
     def hindrance(self, cause: Cause, machine: Machine) -> Literal["", "no_place", "no_origin"]:
         """Arms have a place, and what grows with the travel alone: rotation_distance."""
-        if not cause.by_joint:
-            return "" if cause.id in machine.fixed_parameters else "no_place"
-        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
-        grows = np.all(up == down) and np.all(up[0] == 0.0)
-        return "" if grows and _PITCHES.keys() <= self.settings.keys() else "no_place"
+        turned = cause.with_travel and _PITCHES.keys() <= self.settings.keys()
+        return "" if turned or cause.id in machine.fixed_parameters else "no_place"
 
     def changed(self, model: Model, changes: Sizes, causes: Corrections, digits: int) -> Change:
         corrected = correcting(model.machine, causes)
@@ -335,16 +330,12 @@ class Klipper(ControllerFile):
         named = [e.cause.at(-e.theta) for e in corrected if e.cause.id not in known]
         new = firmware_machine(model.extended(named), [*changes.values()])
         values, home = printer_values(new), new.home_mm
-        for effect in (e for e in corrected if e.cause.by_joint):
-            at = np.array([home, home + 1.0])
-            low, high = effect.cause.correction(-effect.theta, at, home)[0]
-            ratios = (1.0 / (1.0 + high - low)).tolist()
-            for pitch, tower, ratio, stands in zip(
-                _PITCHES, "abc", ratios, new.endstop_carriages_mm.tolist(), strict=True
-            ):
-                values[pitch] = ratio * float(self.settings[pitch].before)
+        carriages = zip(_PITCHES, "abc", new.endstop_carriages_mm.tolist(), strict=True)
+        for effect in (e for e in corrected if e.cause.with_travel):
+            for share, (pitch, tower, stands) in zip(effect.theta.tolist(), carriages, strict=True):
+                values[pitch] = (1.0 - share) * float(self.settings[pitch].before)
                 # The carriage stands elsewhere at its endstop then.
-                values[tower] += (ratio - 1.0) * (stands - home)
+                values[tower] -= share * (stands - home)
         lines = (self._entered(name, value, digits) for name, value in values.items())
         return self._replaced([*chain.from_iterable(lines)])
 

@@ -61,20 +61,13 @@ _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complet
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
 
 
-def _unnamed(value: object) -> object:
-    """An estimate whose name is its key."""
-    if isinstance(value, Mapping) and "name" in value:
-        raise InputError("The key is not known.", "Leave it out.", column="name")
-    return value
-
-
 class Identified(Schema):
     """An accepted cause as the file holds it; the context is the class of the machine."""
 
     cause: str
     where: Annotated[str, _NOWHERE] | None = ""  # always the whole machine
     # By their names on this kind of machine.
-    parameters: Mapping[Word, Annotated[Estimate, BeforeValidator(_unnamed)]]
+    parameters: Mapping[Word, Estimate]
     date: Day  # of its acceptance
     data_sha256: Digest  # of the readings that it was accepted from
     correlation: tuple[tuple[Number, ...], ...] = ()  # of the parameters; () for independent ones
@@ -107,6 +100,9 @@ class Identified(Schema):
             raise InputError(what, "Give each of them once.")
         faults = []
         for name, estimate in given.items():
+            if estimate.name:  # its key is its name
+                what, remedy = "The key is not known.", "Leave it out."
+                faults.append(InputError(what, remedy, column=f"{name}.name"))
             if estimate.unit != cause.unit:
                 what = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
                 remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."

@@ -303,7 +303,16 @@ class Table(Content):
         self.rows: list[dict[str, str]] = []
         self.value = self.rows
         lines = document.text.split("\n")
-        at, delimiter = _start(lines)
+        at, delimiter = 0, ","
+        # From the first line that says anything on; one of Excel says what separates the cells.
+        for at, text in enumerate(lines):
+            plain = text.strip(_BLANKS)
+            if plain.lower().startswith("sep=") and len(plain) <= 5:
+                at, delimiter = at + 1, text.strip(" ")[4:5] or "\t"
+                break
+            if plain and not plain.startswith("#"):
+                delimiter = next((mark for mark in "\t;," if mark in text), ",")
+                break
         self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
         comments = True
         while at < len(lines):
@@ -405,17 +414,6 @@ class Table(Content):
             self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
 
 
-def _start(lines: Sequence[str]) -> tuple[int, str]:
-    """Index of the line from which records are read, and the delimiter of the header."""
-    for index, line in enumerate(lines):
-        plain = line.strip(_BLANKS)
-        if plain.lower().startswith("sep=") and len(plain) <= 5:
-            return index + 1, line.strip(" ")[4:5] or "\t"
-        if plain and not plain.startswith("#"):
-            return index, next((mark for mark in "\t;," if mark in line), ",")
-    return len(lines), ","
-
-
 R = TypeVar("R", bound=Row)
 Timed = TypeVar("Timed", ReadingRow, ProbeRow)
 
@@ -470,12 +468,13 @@ class Rows(Generic[R]):
                 content.take(error, schema, (*path, index), words)
             if self.in_inches and self.in_inches in cells:
                 self.note(index, schema.inches, "The row has two readings.", _READING)
-            for name in cells.keys() - given.keys():
-                if not isinstance(cells[name], str):
+            for name, text in cells.items():
+                if name not in known and not isinstance(text, str):
                     self.note(index, name, *WORDS["string_type"])
-        # On the columns without a meaning, if there are any.
-        columns = dict.fromkeys(name for cells in self.cells for name in cells if name not in known)
-        self.remarks = unused("Columns", columns, known)
+        # On the columns without a meaning, if there are any; a table's may be empty.
+        columns = dict.fromkeys(name for cells in self.cells for name in cells)
+        names = content.columns if isinstance(content, Table) else columns
+        self.remarks = unused("Columns", (name for name in names if name not in known), known)
 
     def line(self, index: int) -> int:
         """The line at which a row begins."""

@@ -20,7 +20,6 @@ from pathlib import Path
 from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.model.measured import Source
-from orthoglide_cal.system import SYSTEM
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV
 YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
@@ -127,13 +126,18 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
             file.flush()
             os.fsync(file.fileno())
         if there:
-            SYSTEM.keep_owner(path, temporary)
+            _keep_owner(path, temporary)
             shutil.copymode(path, temporary)
         if overwrite:
             temporary.replace(path)
         else:
-            SYSTEM.publish(temporary, path)
-        SYSTEM.sync_folder(path.parent)
+            _publish(temporary, path)
+        with suppress(OSError):  # a new name survives a power loss; Windows keeps a journal of them
+            folder = os.open(path.parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
     except FileExistsError as error:
         remedy = "Name another file, or move that one away."
         raise UsageError(f"{path} exists and is not overwritten.", remedy) from error
@@ -146,6 +150,32 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     finally:
         with suppress(OSError):  # a folder that cannot be written to says so above
             temporary.unlink(missing_ok=True)
+
+
+def _keep_owner(path: Path, other: Path) -> None:
+    """Give another file the owner and group of `path`. Raises OSError if nobody may."""
+    wanted, stands = path.stat(), other.stat()
+    if (wanted.st_uid, wanted.st_gid) != (stands.st_uid, stands.st_gid):
+        try:
+            os.chown(other, wanted.st_uid, wanted.st_gid)
+        except PermissionError as error:
+            raise PermissionError(error.errno, "it belongs to another user or group") from error
+
+
+def _publish(temporary: Path, path: Path) -> None:
+    """Give a finished file its name. Raises FileExistsError if another file has it.
+
+    A link fails where a rename would replace; file systems without links (USB sticks) get a check
+    and a rename.
+    """
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise
+    except OSError:
+        if path.exists():
+            raise FileExistsError(str(path)) from None
+        temporary.rename(path)
 
 
 def check_writable(path: Path) -> None:

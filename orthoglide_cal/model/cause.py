@@ -99,6 +99,7 @@ class Cause:
     lasting: bool = False  # the same machine still has it in the next session
     compensable: bool = False  # a controller can compensate it
     by_joint: bool = False  # it moves a carriage by what its position and direction alone decide
+    with_travel: bool = False  # by the position alone: in proportion to the travel
     timed: bool = False  # it can only be seen in readings whose time order is known
     hides_reading: bool = False  # the reading at its place says nothing any more
     any_size: bool = False  # a blunder: no size of it is usual
@@ -274,16 +275,10 @@ class Cause:
     def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
         """Joint corrections, moving + and moving -, that cancel it, shape (2, n, 3) [mm].
 
-        At joint positions (n,) of each carriage, for a cause that acts by joint; `home` is
-        the joint position from which travel counts.
+        At positions (n,) of each carriage, for one that acts by joint; `home` is the joint position
+        from which travel counts.
         """
-        wanted = np.tile(joints[:, None], (2, 3))
-        sent, nothing = wanted, np.zeros_like(wanted)
-        approach = np.repeat([1.0, -1.0], len(joints))[:, None] + nothing
-        for _ in range(3):  # a correction acts on what it moves, too
-            command = Command(sent, home, nothing[:, 0], nothing, approach)
-            sent = sent + wanted - self.motion(sent, theta, command)
-        return (sent - wanted).reshape(2, -1, 3)
+        return np.zeros((2, len(joints), 3))
 
     def contact(
         self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine, where: Numbers

@@ -143,11 +143,6 @@ class Plan(ABC):
         return np.full((len(self), 3), np.nan)
 
     @property
-    def texture(self) -> Floats:
-        """Local shape of what is touched, columns of unit size, shape (n, m); none by default."""
-        return np.zeros((len(self), 0))
-
-    @property
     def as_found(self) -> Bools:
         """Which are of the machine as it was found, nothing entered since, (n,); all by default."""
         return np.ones(len(self), dtype=np.bool_)

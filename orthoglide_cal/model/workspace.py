@@ -39,16 +39,14 @@ class Workspace(Schema):
 
 
 @functools.lru_cache(maxsize=4)
-def _grid(model: Model, points: int) -> tuple[Floats, Floats, Floats]:
-    """Points along each edge of the reachable cube, (n,), and all of them, (n³, 3) [mm].
+def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
+    """All of n points along each edge of the reachable cube, x fastest, (n³, 3) [mm].
 
-    Last where the controller sends the carriages for them, (n³, 3) [mm].
+    And where the controller sends the carriages for them, (n³, 3) [mm].
     """
-    low, high = model.machine.cube
-    axis = np.linspace(low, high, points)
-    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    grid = np.stack((x, y, z), axis=-1).reshape(-1, 3)
-    return read_only(axis), read_only(grid), read_only(model.machine.nominal_rails.joints_for(grid))
+    axis = np.linspace(*model.machine.cube, points)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
+    return read_only(grid), read_only(model.machine.nominal_rails.joints_for(grid))
 
 
 def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
@@ -62,7 +60,7 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
 @functools.lru_cache(maxsize=4)
 def _corrected(model: Model) -> tuple[Floats, Floats]:
     """With all offsets entered: how far the tool is off (n,) [mm], and its derivative (n, 3, 3)."""
-    _, points, indicated = _grid(model, SAMPLES)
+    points, indicated = _grid(model, SAMPLES)
     reached = Points.of(model.real.geometry, _standing(model, indicated, np.zeros(3)), strict=True)
     jacobian = behind_batch(reached.tool_derivative, 2)
     if not np.isfinite(jacobian).all():
@@ -91,7 +89,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     shape (3, 3) [mm²], remains, expanded by k. Raises PostureError: a corner of
     the cube that the machine cannot reach; UsageError: it has no cube.
     """
-    axis, points, indicated = _grid(model, SAMPLES)
+    points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
     before = np.linalg.norm(tool - points, axis=-1)
     left, after = error_after(model, covariance, k)
@@ -103,7 +101,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         worst_before_mm=tuple(points[np.argmax(before)].tolist()),
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
-        cube_mm=(float(axis[0]), float(axis[-1])),
+        cube_mm=model.machine.cube,
         maps=tuple(maps),
     )
 
@@ -133,7 +131,7 @@ def compensation(model: Model, points: int) -> Compensation:
     if not chosen:
         what = "The machine file holds no accepted cause that a table could compensate."
         raise UsageError(what, "Accept one first, with diagnose and its option --accept.")
-    _, grid, nominal = _grid(model, points)
+    grid, nominal = _grid(model, points)
     known = Model(model.machine, chosen)
     # Indicated joints that really put the tool there. Causes of the motion are nearly the identity,
     # so that a fixed-point iteration converges.

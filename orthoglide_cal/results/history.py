@@ -229,9 +229,9 @@ class _Session:
             key, shared = [str(source.source)], estimator @ source.columns
             if source.source == Origin.GAUGE_SCALE:
                 key += sorted(gauge.id for gauge in conditions.gauges)
-            if source.local:
+            if source.local and (shape := white.machine.local_shape(white.plan)):
                 # The symmetric root: nearly the same for nearly the same places.
-                grain = white.plan.texture[white.plan.touches]
+                grain = shape.columns[white.plan.touches]
                 turned = (grain / (np.linalg.norm(grain, axis=0) + 1e-12)).T
                 shared = fit.scale_factor * math.sqrt(LASTS) * shared @ turned
                 key.append(f"{len(grain)} touches")

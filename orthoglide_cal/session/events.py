@@ -281,21 +281,11 @@ def advance(state: State, event: Event) -> State:
             moved = ((pending.step, state.count),) if event.moved else ()
             return replace(_accept(state, pending), moved=(*state.moved, *moved))
         case Undone() if then := state.before:  # what was added since counts as replaced
-            back = (
-                (item.take, "taken back")
-                for step, item in state.accepted.items()
-                if then.accepted.get(step) != item
-            )
             restored = {id(item.take) for item in then.accepted.values()}
-            kept = (old for old in state.replaced if id(old[0]) not in restored)
-            return replace(
-                then,
-                replaced=(*kept, *back),
-                notes=state.notes,
-                source=state.source,
-                ended=state.ended,
-                count=state.count,
-            )
+            taken = [(item.take, "taken back") for item in state.accepted.values()]
+            obsolete = tuple(one for one in (*state.replaced, *taken) if id(one[0]) not in restored)
+            back = replace(then, notes=state.notes, source=state.source, count=state.count)
+            return replace(back, replaced=obsolete)
         case Retake():
             again = set(event.steps)
             accepted = state.accepted.items()

@@ -8,7 +8,7 @@ import time
 from collections import deque
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import NamedTuple
+from typing import NamedTuple, TextIO
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.system import SYSTEM
@@ -31,9 +31,13 @@ class Line(NamedTuple):
 
 
 class Keyboard:
-    """Standard input, opened when it is first needed. In a terminal the line can be corrected."""
+    """Standard input, opened when it is first needed. In a terminal the line can be corrected.
 
-    def __init__(self) -> None:
+    What is typed is shown on `output`, where the prompts are.
+    """
+
+    def __init__(self, output: TextIO) -> None:
+        self._output = output
         self._terminal: SYSTEM.Terminal | None = None
         self._pipe: SimpleQueue[str] | None = None
         self._lines: deque[Line | None] = deque()  # None: the end of input
@@ -120,7 +124,8 @@ class Keyboard:
                 self._typed += key
             self._after_return = key == "\r"
         if answer and shown:
-            self._screen().write(answer)
+            self._output.write(answer)
+            self._output.flush()
 
     def _append(self, timeout_s: float) -> None:
         """Wait for more from a pipe."""

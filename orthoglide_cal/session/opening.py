@@ -7,7 +7,7 @@ import os
 import re
 import secrets
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from operator import attrgetter
@@ -72,6 +72,7 @@ class Request:
     order: Order | None = None
     stands: int | None = None
     source: tuple[str, ...] = ()
+    follow: str | None = None  # address of the controller whose machine is waited for
     seed: int | None = None
     unit: Unit = Unit.MM  # of readings without one
     until_mm: float | None = None  # end once every offset is known this well
@@ -86,18 +87,17 @@ def clock() -> str:
     return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def open_session(
-    request: Request, asker: Asker, opened: ExitStack, standing: Standing | None = None
-) -> Dialogue:
-    """Begin a session, or go on with one; `standing` is a machine that is followed.
+def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
+    """Begin a session, or go on with one; what is `opened` is closed with it.
 
-    What is `opened` is closed with it. Raises UsageError: what is asked for does not go together,
-    or with what is there; InputError, GaugeLost: a file or the gauge cannot be used; EOFError,
-    KeyboardInterrupt: nobody answers.
+    Raises UsageError: what is asked for does not go together, or with what is there; InputError,
+    GaugeLost: a file or the gauge cannot be used; EOFError, KeyboardInterrupt: nobody answers.
     """
     _check_options(request)
     path = session_file(request.path, Path(), request.resume)
-    asker.gauge = serial_gauge(request.source, opened)  # a missing one leaves no file behind
+    # What is missing leaves no file behind.
+    standing = opened.enter_context(closing(Standing(request.follow))) if request.follow else None
+    asker.gauge = serial_gauge(request.source, opened)
     target = path.with_suffix(JOURNAL)
     first = () if request.resume else _first_records(request, asker)
     journal = Journal.create(target, *first) if first else Journal.resume(target)

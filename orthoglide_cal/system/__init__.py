@@ -1,4 +1,4 @@
-"""Differences between operating systems: terminal, lock, giving a file its name.
+"""Differences between operating systems: terminal and lock.
 
 Each system is a module with the same names, as `posix` explains them.
 """

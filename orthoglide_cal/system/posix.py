@@ -7,16 +7,13 @@ import select
 import signal
 import termios
 from contextlib import suppress
-from pathlib import Path
 
 
 class PosixTerminal:
     """A terminal that hands over each key at once (not canonical) and shows none (no echo)."""
 
     def __init__(self, descriptor: int) -> None:
-        self._input = self._output = descriptor
-        with suppress(OSError):  # standard input may be open for reading only
-            self._output = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY)
+        self._input = descriptor
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._disturbed = False
         self._before = termios.tcgetattr(descriptor)
@@ -64,10 +61,6 @@ class PosixTerminal:
             raise EOFError
         return self._decoder.decode(data)
 
-    def write(self, text: str) -> None:
-        """Show what was typed."""
-        os.write(self._output, text.encode("utf-8", errors="replace"))
-
     def disturbed(self) -> bool:
         """True once after the program was stopped and continued."""
         # Whoever had the terminal meanwhile has set it differently.
@@ -83,8 +76,6 @@ class PosixTerminal:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         self._give_back(termios.TCSAFLUSH)
-        if self._output != self._input:
-            os.close(self._output)
 
 
 Terminal = PosixTerminal
@@ -93,39 +84,3 @@ Terminal = PosixTerminal
 def lock(descriptor: int) -> None:
     """Lock a file until it is closed or the process ends, however. Raises OSError if it is."""
     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
-def publish(temporary: Path, path: Path) -> None:
-    """Give a finished file its name. Raises FileExistsError if another file has it.
-
-    A link fails where a rename would replace; file systems without links (USB sticks) get a check
-    and a rename.
-    """
-    try:
-        path.hardlink_to(temporary)
-    except FileExistsError:
-        raise
-    except OSError:
-        if path.exists():
-            raise FileExistsError(str(path)) from None
-        temporary.rename(path)
-
-
-def keep_owner(path: Path, other: Path) -> None:
-    """Give another file the owner and group of `path`. Raises OSError if nobody may."""
-    wanted, stands = path.stat(), other.stat()
-    if (wanted.st_uid, wanted.st_gid) != (stands.st_uid, stands.st_gid):
-        try:
-            os.chown(other, wanted.st_uid, wanted.st_gid)
-        except PermissionError as error:
-            raise PermissionError(error.errno, "it belongs to another user or group") from error
-
-
-def sync_folder(folder: Path) -> None:
-    """Make new names in a folder survive a power loss, as far as the system can."""
-    with suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -3,7 +3,6 @@
 import os
 import time
 from importlib import import_module
-from pathlib import Path
 
 msvcrt = import_module("msvcrt")  # other systems do not have it
 _LOOK_S = 0.01  # how often the console is asked for a pressed key [s]; it cannot wait for one
@@ -38,11 +37,6 @@ class WindowsTerminal:
                 keys += key
         return keys
 
-    def write(self, text: str) -> None:
-        """Show what was typed."""
-        for character in text.replace("\n", "\r\n"):
-            msvcrt.putwch(character)
-
     def disturbed(self) -> bool:
         """False: no program is stopped in it."""
         return False
@@ -64,16 +58,3 @@ def lock(descriptor: int) -> None:
         msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
     finally:
         os.lseek(descriptor, place, os.SEEK_SET)
-
-
-def publish(temporary: Path, path: Path) -> None:
-    """As of `posix`: here a rename fails where another file has the name."""
-    temporary.rename(path)
-
-
-def keep_owner(path: Path, other: Path) -> None:
-    """Do nothing: the folder says whose a new file is."""
-
-
-def sync_folder(folder: Path) -> None:
-    """Do nothing: a folder cannot be opened here; its file system keeps a journal of names."""

@@ -1,6 +1,7 @@
 """The Windows side, with a stand-in for its C library; not a real Windows machine."""
 
 import importlib
+import io
 import os
 import sys
 from collections import deque
@@ -24,7 +25,7 @@ class Msvcrt:
 
     def __init__(self, keys: str = "") -> None:
         self.keys = deque(keys)
-        self.shown = ""
+        self.output = io.StringIO()
         self.locked: set[tuple[int, int]] = set()  # (file, byte)
 
     def kbhit(self) -> bool:
@@ -32,9 +33,6 @@ class Msvcrt:
 
     def getwch(self) -> str:
         return self.keys.popleft()
-
-    def putwch(self, unicode_char: str, /) -> None:
-        self.shown += unicode_char
 
     def locking(self, fd: int, mode: int, nbytes: int, /) -> None:
         place = (os.fstat(fd).st_ino, os.lseek(fd, 0, os.SEEK_CUR))
@@ -56,7 +54,7 @@ def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[Keyb
     monkeypatch.setattr("orthoglide_cal.session.keyboard.SYSTEM", system)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
-    return closing(Keyboard())
+    return closing(Keyboard(msvcrt.output))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +76,7 @@ def test_lines_are_typed_and_corrected(
         found = [keyboard.read(0.1) for _ in lines]
         assert [line.text for line in found if line] == lines
         assert keyboard.read(0.01) is None
-    assert msvcrt.shown.count("\r\n") == len(lines)
+    assert msvcrt.output.getvalue().count("\n") == len(lines)
 
 
 def test_what_was_typed_before_a_prompt_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,9 +84,9 @@ def test_what_was_typed_before_a_prompt_is_not_shown(monkeypatch: pytest.MonkeyP
     with keyboard_of(monkeypatch, msvcrt) as keyboard:
         line = keyboard.read(0.0)
         msvcrt.keys.extend("0.5")
-        assert (line.text, msvcrt.shown) == ("0.41", "")
+        assert (line.text, msvcrt.output.getvalue()) == ("0.41", "")
         assert keyboard.read(0.01) is None
-        assert (keyboard.partial, msvcrt.shown) == ("0.5", "0.5")
+        assert (keyboard.partial, msvcrt.output.getvalue()) == ("0.5", "0.5")
         msvcrt.keys.extend("for nobody")
     assert not msvcrt.keys
 
@@ -118,14 +116,6 @@ def test_a_journal_is_locked_far_behind_its_end(
     msvcrt.locked.clear()  # as closing does
     dialogue, _ = answered(path, ["-0.64"])
     assert list(dialogue.state.accepted) == [1]
-
-
-def test_a_file_gets_its_name_by_a_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    system, old, new = windows(monkeypatch, Msvcrt()), tmp_path / "a.tmp", tmp_path / "a"
-    old.write_text("whole")
-    system.publish(old, new)
-    system.sync_folder(tmp_path)
-    assert (new.read_text(), old.exists()) == ("whole", False)
 
 
 def test_the_system_is_chosen_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
