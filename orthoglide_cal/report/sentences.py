@@ -20,6 +20,7 @@ from orthoglide_cal.words import (
     capitalized,
     chance,
     counted,
+    coverage_words,
     listed,
     percent,
     plain,
@@ -112,10 +113,15 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "capital": capitalized,
     "names": ", ".join,
     "listed": listed,
+    "unit": unit_words,
+    "coverage": coverage_words,
     "lengths": lambda values: ", ".join(f"{value:g}" for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
     "with": " with ".join,
+    "too": lambda titles: "".join(f" and {title}" for title in titles),
+    "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
+    "alike": lambda rows: "".join(f", or {id}, {percent(share, 1)}" for id, share in rows),
     "causes": lambda ids: " and ".join(ids) or "this",
     # The first two answers of several, and how many others there are.
     "either": lambda answers: ", ".join(
