@@ -24,6 +24,7 @@ from orthoglide_cal.words import (
     listed,
     percent,
     plain,
+    short,
     signed,
     two_figures,
     uncapitalized,
@@ -132,6 +133,8 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "values": lambda rows: ", ".join(f"{name} {value:+.1f} {of}" for name, value, of in rows),
     "two": two_figures,
     "p": chance,
+    "postures": lambda moved: ", ".join(f"{short(mm, 3)} mm" for mm in moved),
+    "whole_percent": lambda share: percent(share or 0.0),
     "percent": lambda share: percent(share, 1),
     "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "sizes": lambda rows: ", ".join(
