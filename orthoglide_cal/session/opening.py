@@ -64,7 +64,7 @@ class Request:
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
     otherwise: Callable[[], Model] = machine_file.default_machine  # where no file names one
-    keeper: Model | None = None  # whose file keeps what is entered, for what continues data
+    keeper: machine_file.StoredMachine | None = None  # of what is entered, where data continue
     following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
     protocol: MeasuringProtocol | None = None
@@ -290,8 +290,8 @@ def _recommended(
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.machine.active + first.left_entered
-    if keeper is not None and not machine_file.differing(keeper, first.model):
-        offsets = np.array(keeper.machine.active)
+    if keeper is not None and not machine_file.differing(keeper.model, first.model):
+        offsets = np.array(keeper.model.machine.active)
     return first, options, first.model.holding(tuple(offsets.round(9).tolist()))
 
 
