@@ -66,7 +66,7 @@ def plan(
     asked = common.measuring_protocol(protocol, design), cycles, order and Order(order), gauges
     session = Session.asked_for(*asked) if any(asked) else None
     given = None if file is None else common.read_input(file, machine, data)
-    model = given.model if given else common.given_machine(machine) or common.folder_machine()
+    model = given.model if given else common.usual_machine(machine)
     with common.working(file or "A plan"):
         chosen = chosen_session(model, session, target, layout)
     if program is not None:
