@@ -76,6 +76,9 @@ def test_json_and_page_say_the_same():
     every = done("history", ".", "--details")
     assert "With 5 further sessions" in every
     assert found["changes"] == answer("history", *files)["changes"]
+    Path("broken.yaml").write_text("machine: {}\nreadings:\n\t{", encoding="utf-8")
+    assert "Left out: broken.yaml (not readable" in words(done("history", "."))
+    assert "Or leave it out" in refused(3, "history", "broken.yaml", *files)
 
 
 def test_a_printer_is_compared_too():
@@ -97,19 +100,6 @@ def test_a_printer_is_compared_too():
     assert changed["radius"] == pytest.approx(1.0, abs=0.2)
     run("history", *files, "--html", "page.html")
     assert "Residuals of the touches" in Path("page.html").read_text(encoding="utf-8")
-
-
-def test_a_folder_goes_on_without_a_session_that_cannot_be_read():
-    written("unchanged", 4)
-    last = max(Path().glob("*.yaml"))
-    last.write_text(last.read_text(encoding="utf-8")[:2000] + "\n\t{", encoding="utf-8")
-    result = run("history", ".")
-    assert result.exit_code == 0
-    assert f"Left out: {last.name}, line " in result.stderr
-    assert f"Left out: {last.name} (not readable" in words(result.stdout)
-    assert len(answer("history", ".")["sessions"]) == 3
-    # What was named is not left out.
-    assert "Or leave it out" in refused(3, "history", *map(str, sorted(Path().glob("*.yaml"))))
 
 
 def test_what_was_simulated_is_no_history():
