@@ -21,12 +21,12 @@ from orthoglide_cal.files.readings import (
     QUESTIONED,
     Conditions,
     GaugeIdentity,
+    ReadingRow,
     Session,
     reading_rows,
     readings_of,
     row_at,
 )
-from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.machine import Machine
