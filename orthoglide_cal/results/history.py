@@ -25,13 +25,19 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
-from orthoglide_cal.estimation.losses import DISMISSED, MISSED_CHANGE, WRONG_STORY, is_dismissed
+from orthoglide_cal.estimation.gaussian import mixture, probabilities
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    MISSED_CHANGE,
+    WRONG_STORY,
+    is_dismissed,
+    state,
+)
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.inference import Verdict
+from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
-from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
 from orthoglide_cal.inference.diagnose import decided
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
@@ -140,11 +146,11 @@ class _Session:
         model = last.judging(given.model)
         self.white = white = Whitened.of(given.measured, model)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Decision(at, {(): Hypothesis(at, 0.0)}, {})
+        self.belief = Diagnosis(given.measured, model, at, {(): Hypothesis(at, 0.0)})
         self.alone = self.belief.fit_of(())
         self.width = self.alone.offsets.size  # parameters of the machine
         self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
-        self.decision: Decision | None = None
+        self.decision: Diagnosis | None = None
         self.refuted: Reason | None = None  # how what would be named here was refuted
         noise, dof = white.machine.instrument.noise_mm, len(white) - self.width
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
