@@ -204,6 +204,58 @@ class Diagnosis:
                 patterns[pair.label] = pair
         return replace(self, patterned=patterns)
 
+    def settled(self) -> Self:
+        """The same with the fits that may change the statement: linear evidence alone says less."""
+        order, at, weight = list(self.listed), self.at, self.log_weight
+        decision = self.refined([()])
+        # With a local shape that is found to be larger or smaller, the noise is found, too.
+        noise_found = at.local
+        if decision.surely_sound and not noise_found:
+            # Linear scores know no bounds: what cannot be negative may fit better than it scores.
+            positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
+            decision = decision.refined([*decision.hidden(), *positive])
+            if decision.surely_sound:
+                return decision
+        near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
+        decision = decision.refined(near)
+        if noise_found:
+            # Of printers the causes are large against what linear scores can follow.
+            fits = decision.fits
+            again = [ids for ids in order if ids not in fits and decision.nearly_dismissed(ids)]
+            decision = decision.refined(again[:FITS])
+        # What has no size is judged by the fits, too; and linear scores know no bounds: what is
+        # left open is so by its fit.
+        listed = decision.listed
+        least = OPEN_ANSWER / FALSE_RELEASE * listed[decision.best]
+        likely = [ids for ids in listed if ids and listed[ids] >= least]
+        pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
+        wanted = [ids for pair in pairs for ids in pair]
+        for _ in range(FITS):
+            wanted += (decision.best, *decision.rival_sets)
+            if decision.fits.keys() >= set(wanted):
+                break
+            decision = decision.refined(wanted)
+        decision = decision.refined([decision.best])
+        # Few differences follow nearly any pattern.
+        return decision.closely() if at.white.raw and decision.doubted else decision
+
+    @property
+    def doubted(self) -> bool:
+        """True if patterns looked at closely may change the statement.
+
+        Several causes, or several wrong readings, follow most patterns; one, alone or beside the
+        accepted cause, may make it a wrong name.
+        """
+        accepted = self.accepted
+        if self.verdict is Verdict.UNEXPLAINED or len(accepted) > 1:
+            return True
+        if not accepted or len(self.fit.wrong_readings) > 1:
+            return bool(accepted)
+        patterns = (*self.patterned.values(), *self.beside(accepted))
+        likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
+        bearable = OPEN_ANSWER * self.something / self.listed[accepted]
+        return likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
+
     def fit_of(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""
         if ids in self.fits:
@@ -211,6 +263,13 @@ class Diagnosis:
         if ids not in self._further:
             self._further[ids] = fit_hypothesis(self.hypotheses[ids])
         return self._further[ids]
+
+    @property
+    def white(self) -> Whitened:
+        """The data, in units of independent noise."""
+        return self.at.white
+
+    # --- how probable each is ---
 
     @cached_property
     def log_weight(self) -> Mapping[Ids, float]:
@@ -274,11 +333,6 @@ class Diagnosis:
             if units == (1.0, 1.0):
                 gain = min(gain, first.log_likelihood - second.log_likelihood)
         return gain
-
-    @property
-    def white(self) -> Whitened:
-        """The data, in units of independent noise."""
-        return self.at.white
 
     # --- which answers are left open ---
 
@@ -457,6 +511,12 @@ class Diagnosis:
         by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
         return float(np.exp(at.noise.log_weight) @ by_noise)
 
+    def chance(self, fit: Fit) -> float:
+        """Chance that noise as stated leaves more than a fit of the parameters alone does."""
+        white = self.white
+        noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
+        return chance_of_residual(fit.square, dof, noise)
+
     @cached_property
     def unseen(self) -> Ids:
         """Single causes that may be there although nothing shows, most probable first.
@@ -483,13 +543,7 @@ class Diagnosis:
         unseen = [(id,) for id in self.unseen if id not in known]
         return [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
 
-    # --- what follows from it ---
-
-    def chance(self, fit: Fit) -> float:
-        """Chance that noise as stated leaves more than a fit of the parameters alone does."""
-        white = self.white
-        noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
-        return chance_of_residual(fit.square, dof, noise)
+    # --- the fits behind it ---
 
     @property
     def fit(self) -> Fit:
@@ -509,6 +563,11 @@ class Diagnosis:
         beside = (id for id in ids if not CAUSES[id].repeats)
         with_shape = tuple(sorted((self.shape, *beside)))
         return self.fit_of(with_shape if with_shape in hypotheses else (self.shape,))
+
+    @cached_property
+    def alone(self) -> Solution:
+        """The calibrated parameters alone."""
+        return fit_parameters(self.measured, self.model, start=self.at.offsets[0])
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
@@ -560,6 +619,8 @@ class Diagnosis:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple(TimesStated(id=id, times=times) for _, id, times in sorted(explaining))
 
+    # --- the parameters ---
+
     @cached_property
     def offsets(self) -> tuple[Floats, Floats]:
         """Offsets (3,) [mm] and their covariance (3, 3) [mm²] under the verdict.
@@ -579,113 +640,6 @@ class Diagnosis:
             cells = estimator @ (white.matrix @ white.plan.returning)
             covariance = covariance + left * cells @ cells.T
         return read_only(mean), read_only(covariance)
-
-    @cached_property
-    def beyond_list(self) -> Mapping[Hypothesis, float]:
-        """Patterns that remain of those beyond the list, best first, and their shares, 1 in all."""
-        weight = {one: one.log_weight for one in self.patterned.values()}
-        # Of weights: all probabilities may be too small for a number.
-        least = max(weight.values()) + math.log(DISMISSED)
-        return probabilities({one: value for one, value in weight.items() if value >= least})
-
-    @cached_property
-    def patterned_fits(self) -> tuple[tuple[float, Fit], ...]:
-        """Fits with these patterns and their shares, the likeliest first."""
-        return tuple(
-            (probability * share, fit)
-            for hypothesis, probability in self.beyond_list.items()
-            for share, fit in fits_of(hypothesis, self.fit_of(hypothesis.ids))
-        )
-
-    @property
-    def enterable(self) -> float:
-        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
-
-        All that acts has to pass: U allows for it. Listed causes that act with it may stay, as
-        those that are named may, if they move no parameter by more than U.
-        """
-        probability = 0.0
-        for one, share in self.beyond_list.items() if self.described else ():
-            unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]
-            if {pattern.how for pattern in unlisted} <= PASSING:
-                alone = self.patterned[", ".join(pattern.label for pattern in unlisted)]
-                beside = self._offsets_under(alone), self.offsets[1]
-                stays = alone is one or not self._moves(one, *beside)
-                probability += share * self.beyond * stays
-        return probability
-
-    def _moves(self, hypothesis: Hypothesis, offsets: Floats, covariance: Floats) -> bool:
-        """Return whether the offsets under a hypothesis differ from others by more than their U."""
-        moved = np.abs(self._offsets_under(hypothesis) - offsets)
-        return bool(np.any(moved > NORMAL_K * np.sqrt(np.diag(covariance))))
-
-    def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
-        fits = fits_of(hypothesis, self.fit_of(hypothesis.ids))
-        return np.asarray(sum(share * fit.offsets for share, fit in fits))
-
-    @property
-    def described(self) -> bool:
-        """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
-        return self.refuted is None and self._chance_beyond(self.patterned_fits[0][1]) >= MISFIT
-
-    def settled(self) -> Self:
-        """The same with the fits that may change the statement: linear evidence alone says less."""
-        order, at, weight = list(self.listed), self.at, self.log_weight
-        decision = self.refined([()])
-        # With a local shape that is found to be larger or smaller, the noise is found, too.
-        noise_found = at.local
-        if decision.surely_sound and not noise_found:
-            # Linear scores know no bounds: what cannot be negative may fit better than it scores.
-            positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
-            decision = decision.refined([*decision.hidden(), *positive])
-            if decision.surely_sound:
-                return decision
-        near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
-        decision = decision.refined(near)
-        if noise_found:
-            # Of printers the causes are large against what linear scores can follow.
-            fits = decision.fits
-            again = [ids for ids in order if ids not in fits and decision.nearly_dismissed(ids)]
-            decision = decision.refined(again[:FITS])
-        # What has no size is judged by the fits, too; and linear scores know no bounds: what is
-        # left open is so by its fit.
-        listed = decision.listed
-        least = OPEN_ANSWER / FALSE_RELEASE * listed[decision.best]
-        likely = [ids for ids in listed if ids and listed[ids] >= least]
-        pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
-        wanted = [ids for pair in pairs for ids in pair]
-        for _ in range(FITS):
-            wanted += (decision.best, *decision.rival_sets)
-            if decision.fits.keys() >= set(wanted):
-                break
-            decision = decision.refined(wanted)
-        decision = decision.refined([decision.best])
-        # Few differences follow nearly any pattern.
-        return decision.closely() if at.white.raw and decision.doubted else decision
-
-    @property
-    def doubted(self) -> bool:
-        """True if patterns looked at closely may change the statement.
-
-        Several causes, or several wrong readings, follow most patterns; one, alone or beside the
-        accepted cause, may make it a wrong name.
-        """
-        accepted = self.accepted
-        if self.verdict is Verdict.UNEXPLAINED or len(accepted) > 1:
-            return True
-        if not accepted or len(self.fit.wrong_readings) > 1:
-            return bool(accepted)
-        patterns = (*self.patterned.values(), *self.beside(accepted))
-        likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
-        bearable = OPEN_ANSWER * self.something / self.listed[accepted]
-        return likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
-
-    @cached_property
-    def alone(self) -> Solution:
-        """The calibrated parameters alone."""
-        return fit_parameters(self.measured, self.model, start=self.at.offsets[0])
-
-    # --- the parameters ---
 
     @property
     def offsets_mm(self) -> Floats:
@@ -951,6 +905,54 @@ class Diagnosis:
         return self.model.accepting(effect.accepted(on.isoformat(), sha256))
 
     # --- patterns beyond the list, those that act together first ---
+
+    @cached_property
+    def beyond_list(self) -> Mapping[Hypothesis, float]:
+        """Patterns that remain of those beyond the list, best first, and their shares, 1 in all."""
+        weight = {one: one.log_weight for one in self.patterned.values()}
+        # Of weights: all probabilities may be too small for a number.
+        least = max(weight.values()) + math.log(DISMISSED)
+        return probabilities({one: value for one, value in weight.items() if value >= least})
+
+    @cached_property
+    def patterned_fits(self) -> tuple[tuple[float, Fit], ...]:
+        """Fits with these patterns and their shares, the likeliest first."""
+        return tuple(
+            (probability * share, fit)
+            for hypothesis, probability in self.beyond_list.items()
+            for share, fit in fits_of(hypothesis, self.fit_of(hypothesis.ids))
+        )
+
+    @property
+    def enterable(self) -> float:
+        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
+
+        All that acts has to pass: U allows for it. Listed causes that act with it may stay, as
+        those that are named may, if they move no parameter by more than U.
+        """
+        probability = 0.0
+        for one, share in self.beyond_list.items() if self.described else ():
+            unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]
+            if {pattern.how for pattern in unlisted} <= PASSING:
+                alone = self.patterned[", ".join(pattern.label for pattern in unlisted)]
+                beside = self._offsets_under(alone), self.offsets[1]
+                stays = alone is one or not self._moves(one, *beside)
+                probability += share * self.beyond * stays
+        return probability
+
+    def _moves(self, hypothesis: Hypothesis, offsets: Floats, covariance: Floats) -> bool:
+        """Return whether the offsets under a hypothesis differ from others by more than their U."""
+        moved = np.abs(self._offsets_under(hypothesis) - offsets)
+        return bool(np.any(moved > NORMAL_K * np.sqrt(np.diag(covariance))))
+
+    def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
+        fits = fits_of(hypothesis, self.fit_of(hypothesis.ids))
+        return np.asarray(sum(share * fit.offsets for share, fit in fits))
+
+    @property
+    def described(self) -> bool:
+        """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
+        return self.refuted is None and self._chance_beyond(self.patterned_fits[0][1]) >= MISFIT
 
     @cached_property
     def patterns(self) -> tuple[FoundPattern, ...]:
