@@ -33,7 +33,7 @@ from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.decision import keep_ratio
+from orthoglide_cal.inference.diagnose import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import expect, predict
 from orthoglide_cal.model.cause import NORMAL_K
@@ -51,9 +51,9 @@ from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.plan import estimator_for, lengths
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import (
+    GuidedSession,
     MeasuringProtocol,
     Order,
-    Session,
     clock,
     steps_of,
     timed_plan,
@@ -88,7 +88,7 @@ def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
     for cycles in ALONE:
-        session = Session(protocol, cycles)
+        session = GuidedSession(protocol=protocol, cycles=cycles)
         plan, minutes = timed_plan(session.steps(machine), MINUTES_PER_SETUP)
         task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
         yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=session.options)
