@@ -59,8 +59,7 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     if not cause:
         large.write_text(large.read_text().replace("identified: []\n", ACCEPTED))
     measured("before.csv", 5, *cause)
-    unchanged = large.read_text()
-    said = applied("before.csv")
+    unchanged, said = large.read_text(), applied("before.csv")
     assert large.read_text().endswith("\ncomplete: true\n"), "a file that is cut off is refused"
     left = {(each["id"], each["name"]): each["left"] for each in said["corrections"]}
     id = cause[0].partition("=")[0] if cause else "encoder_scale"
