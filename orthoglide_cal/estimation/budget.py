@@ -6,6 +6,7 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -174,8 +175,16 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     """All that act on n readings, at offsets Δρ (..., 3) [mm]; their columns are (..., n, p).
 
-    Machine and gauge give the sizes, accepted causes their own uncertainty.
+    Machine and gauge give the sizes, accepted causes their own uncertainty. Some ask the same.
     """
+    return _influences(model, offsets.shape, offsets.tobytes(), plan)
+
+
+@functools.lru_cache(maxsize=8)
+def _influences(
+    model: Model, shape: tuple[int, ...], point: bytes, plan: Plan
+) -> tuple[Influence, ...]:
+    offsets = np.frombuffer(point).reshape(shape)
     readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
