@@ -309,6 +309,7 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
     return read_machine_file(path)
 
 
+@functools.cache
 def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware."""
     from orthoglide_cal.files.input import printer_settings

@@ -186,8 +186,9 @@ def _influences(
 ) -> tuple[Influence, ...]:
     offsets = np.frombuffer(point).reshape(shape)
     readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
+    same = plan.steps if model.repeats else plan
     gauges = model.machine.uncertain(
-        plan, lambda other: readings if other is plan else simulate(model, offsets, other)
+        same, lambda other: readings if other is same else simulate(model, offsets, other)
     )
     acting = [*gauges, *hidden]
     if model.accepted:
@@ -199,7 +200,10 @@ def _influences(
     # What does not depend on the offsets is the same at all of them.
     shapes = ((*offsets.shape[:-1], *one.columns.shape[-2:]) for one in acting)
     pairs = zip(acting, shapes, strict=True)
-    return tuple(replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs)
+    return tuple(
+        one if one.columns.shape == s else replace(one, columns=np.broadcast_to(one.columns, s))
+        for one, s in pairs
+    )
 
 
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
