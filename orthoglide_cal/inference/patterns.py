@@ -268,17 +268,17 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
         where = np.flatnonzero(width == count)
         number = np.nonzero(some[where])[1].reshape(-1, count)
         shown = np.take_along_axis(chosen[where], number[:, None], 2)
-        inner = power[:, number[:, :, None], number[:, None]].swapaxes(0, 1)
-        inner = inner * (shown[..., None] & shown[..., None, :])
-        along = match[:, number].swapaxes(0, 1) * shown
-        size2 = inner[..., 0]
+        at, shape = np.nonzero(shown.any(axis=2))
+        shown, number, shapes = shown[at, shape], number[at], shape[:, None]
+        inner = power[shapes[..., None], number[:, :, None], number[:, None]]
+        inner = inner * (shown[..., None] & shown[:, None])
+        along, size2 = match[shapes, number] * shown, inner[..., 0]
         if count > 1:
             size2, axes = np.linalg.eigh(inner)
             along = (axes.swapaxes(-1, -2) @ along[..., None])[..., 0]
-        weights, matches = np.maximum(size2, 0.0)[:, :, None, None], along[:, :, None, None]
+        weights, matches = np.maximum(size2, 0.0)[:, None, None], along[:, None, None]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
-        shows = np.asarray(shown.any(axis=2))
-        gains[where] = np.where(shows[..., None, None], log, ABSENT)
+        gains[where[at], shape] = log
     return gains
 
 
@@ -364,7 +364,8 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
         )
     # What the pattern makes is no local shape.
     draft = draft.with_local_shape()
-    return draft.with_sigma(draft.by_noise)
+    sigma, covariance = draft.spread(draft.by_noise)
+    return replace(draft, sigma=sigma, covariance=covariance)
 
 
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
