@@ -398,7 +398,7 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     if np.any(centre):
         fit = replace(fit, centre=centre, sizes=sizes)
         moved, (sigma, covariance) = fit.moved, fit.spread(by_noise)
-    unknowns, found = centre + moved, {"sigma": sigma, "covariance": covariance}
+    unknowns = centre + moved
     drafts = [*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])]
     effects = [
         replace(effect, theta=unknowns[slot], covariance=covariance[slot, slot])
@@ -409,8 +409,10 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
         log_evidence = -math.inf
     log_evidence += bounds
-    found |= {"log_evidence": log_evidence, "log_positive": bounds, "effects": tuple(effects)}
-    return replace(fit, **found)
+    return replace(
+        fit, sigma=sigma, covariance=covariance, log_evidence=log_evidence,
+        log_positive=bounds, effects=tuple(effects),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
