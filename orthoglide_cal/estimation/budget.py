@@ -197,13 +197,12 @@ def _influences(
             Influence(effect.cause.id, None, "", False, columns)
             for effect, columns in zip(model.accepted, carried, strict=True)
         ]
+    if offsets.ndim == 1:
+        return tuple(acting)
     # What does not depend on the offsets is the same at all of them.
-    shapes = ((*offsets.shape[:-1], *one.columns.shape[-2:]) for one in acting)
+    shapes = ((*shape[:-1], *one.columns.shape[-2:]) for one in acting)
     pairs = zip(acting, shapes, strict=True)
-    return tuple(
-        one if one.columns.shape == s else replace(one, columns=np.broadcast_to(one.columns, s))
-        for one, s in pairs
-    )
+    return tuple(replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs)
 
 
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:

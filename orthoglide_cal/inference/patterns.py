@@ -382,22 +382,20 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
         one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
         gains = (_gains_of_noise if one.how == "scatters" else _gains)(fit, one, chosen)
         by_shape = log_sum(gains + noise, 3)
-        log_shape, count = by_shape.copy(), len(patterns)
+        log_shape, rows = by_shape.copy(), np.arange(len(patterns))
         # Shapes that do not show at a where are none.
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
         gained = log_sum(by_shape, (1, 2)) - number
         for k in np.flatnonzero(gained > 0.0).tolist():  # else whatever makes it is not there
             log_shape[k] += patterns[k].log_share[:, None]
             gained[k] = log_sum(log_shape[k]) - number[k]
-        best = log_shape.reshape(count, -1).argmax(axis=1)
-        best = by_shape.reshape(count, -1)[np.arange(count), best].tolist()
+        best = log_shape.reshape(len(rows), -1).argmax(axis=1)
+        best = by_shape.reshape(len(rows), -1)[rows, best].tolist()
         columns = one.columns, one.mover, one.parameters
         sizes, logs = one.sizes * fit.noise.stated, (fit.log_evidence + gained).tolist()
-        for at_where, log, *found in zip(patterns, logs, log_shape, best, strict=True):
-            where, log_prior = at_where.where, at_where.log_prior
-            more = at_where.chosen, sizes, *found
-            pattern = Pattern(at, one.how, where, log_prior, *columns, *more)
-            scored.append(Hypothesis(at, log, patterns=(pattern,)))
+        for two, log, *found in zip(patterns, logs, log_shape, best, strict=True):
+            known = at, two.how, two.where, two.log_prior, *columns, two.chosen
+            scored.append(Hypothesis(at, log, patterns=(Pattern(*known, sizes, *found),)))
     return scored
 
 

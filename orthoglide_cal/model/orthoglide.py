@@ -390,8 +390,8 @@ class Orthoglide(Machine):
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
             size, assumed = stated_or(gauge.placement_mm, PLACEMENT_MM)
-            moved = _moved(plan, size / self.leg_length_mm)
-            shift = (predict(moved) - predicted)[..., None] * plan.zeros
+            moved = predict(_moved(plan, size / self.leg_length_mm))
+            shift = (moved - predicted)[..., None] * plan.zeros
             yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
 
 
