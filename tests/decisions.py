@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
 from orthoglide_cal.schema import Reason
@@ -70,19 +69,19 @@ replace("diagnose", once(DIAGNOSE.diagnose), "inference")
 replace("decided", once(DIAGNOSE.decided), "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
 for name in ("scaled", "settled"):
-    setattr(Decision, name, functools.lru_cache(KEPT)(getattr(Decision, name)))
+    setattr(DIAGNOSE.Diagnosis, name, functools.lru_cache(KEPT)(getattr(DIAGNOSE.Diagnosis, name)))
 NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
 ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
 replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")
 # Of the layouts of a printer there are some dozens.
 apart = once(PLAN.separations, 200)
 replace("separations", apart, "planning.plan")
-# A plan that goes on from no data is a pure function of the machine and of what is wanted.
+# A plan that goes on from no data is a pure function of the session.
 new_plan, plan = PLAN.measurement_plan, once(PLAN.measurement_plan)
 replace(
     "measurement_plan",
-    lambda model, wanted, following=(), *details: (new_plan if following else plan)(
-        model, wanted, following, *details
+    lambda chosen, target_mm=None, following=(), *details: (new_plan if following else plan)(
+        chosen, target_mm, following, *details
     ),
     "planning.plan",
 )

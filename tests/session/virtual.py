@@ -13,7 +13,7 @@ import pytest
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order, Session, SessionStep
 from orthoglide_cal.session.asking import Asker, Line, Show, Style
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.dialogue import Dialogue, Quit
@@ -36,7 +36,7 @@ from orthoglide_cal.session.events import (
     replay,
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.journal import Journal, create
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
@@ -51,7 +51,7 @@ def stands(protocol: MeasuringProtocol) -> int:
 
 
 def steps_of(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3) -> tuple[SessionStep, ...]:
-    return sequence(PROTOTYPE, protocol, cycles, Order.PAPER, stands(protocol))
+    return Session(protocol, cycles, stands=stands(protocol)).steps(PROTOTYPE)
 
 
 def setting_of(steps: Sequence[SessionStep], machine: Machine | None = None) -> Setting:
@@ -216,22 +216,27 @@ def a_dialogue(
     unit: Unit = Unit.MM,
     until: float | None = None,
     show: Show | None = None,
-) -> tuple[Dialogue, Screen, Journal]:
-    """A session in `path` (a journal; resumed if it exists) that is answered by these lines."""
-    journal = Journal.resume(path) if path.exists() else Journal.create(path, first or opened())
+) -> tuple[Dialogue, Screen, contextlib.ExitStack]:
+    """A session in `path` (a journal; resumed if it exists) that is answered by these lines.
+
+    The last is what closes its journal.
+    """
+    if not path.exists():
+        create(path, first or opened())
+    journal = Journal.resume(path, stack := contextlib.ExitStack())
     begun = journal.events[0]
-    steps = sequence(PROTOTYPE, begun.protocol, begun.cycles, begun.order, begun.stands)
+    steps = Session(begun.protocol, begun.cycles, begun.order, begun.stands).steps(PROTOTYPE)
     screen = Screen()
     asker = Asker(Script(lines), show or screen, gauge)
     file = path.with_suffix(".yaml")
     dialogue = Dialogue(file, journal, setting_of(steps), asker, a_clock(), unit, until)
-    return dialogue, screen, journal
+    return dialogue, screen, stack
 
 
 def answered(path: Path, lines: Iterable[str], **options: object) -> tuple[Dialogue, Screen]:
     """A dialogue that went on until the lines or the session ended, and what it showed."""
-    dialogue, screen, journal = a_dialogue(path, lines, **options)  # type: ignore[arg-type]
-    with contextlib.closing(journal), contextlib.suppress(EOFError, Quit):
+    dialogue, screen, stack = a_dialogue(path, lines, **options)  # type: ignore[arg-type]
+    with stack, contextlib.suppress(EOFError, Quit):
         dialogue.run()
     return dialogue, screen
 

@@ -18,11 +18,10 @@ from orthoglide_cal.inference import Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import DataKind, Differences, weighing
+from orthoglide_cal.model.measured import DataKind, Readings, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
-    NOT_NEEDED,
     Case,
     check_words,
     comparison_words,
@@ -36,7 +35,7 @@ from orthoglide_cal.report.documents.pictures import (
     differences_figure,
     residual_blocks,
 )
-from orthoglide_cal.report.sentences import SOURCES, pattern_name, pattern_words
+from orthoglide_cal.report.sentences import SOURCES, pattern_name
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
 from orthoglide_cal.schema import Reason
@@ -53,7 +52,6 @@ from orthoglide_cal.words import (
     signed,
     two_figures,
     typed,
-    uncapitalized,
     unit_words,
 )
 
@@ -103,7 +101,7 @@ def diagnosis_document(case: Case) -> doc.Document:
 def _document(
     case: Case,
     kind: str,
-    steps: Callable[[Case], Iterator[doc.Instruction]],
+    steps: Callable[[Case], Iterator[doc.Line]],
     screen: Callable[[Case, doc.Page], doc.Page],
 ) -> doc.Document:
     """A document of this kind; `screen` completes a page that begins with the decision."""
@@ -166,7 +164,7 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     residuals = [brief_residuals(case)] if named else []
     again = []
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
-        again.append(doc.Instruction("Then solve again, and enter only what it releases."))
+        again.append("Then solve again, and enter only what it releases.")
     notes = [*_notes(case, brief=True)]
     known = (e for e in answer.parameters if e.determined)
     found = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
@@ -236,96 +234,82 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
 
     `diagnosed`: below the verdict on the model, unless not the model is wrong, but the numbers.
     """
-    answer, release, many = case.answer, case.answer.release, case.words.many
-    judged, cautions = answer.judgement, release.cautions
-    tone, title, reasons = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
-    lines = []
-    if not answer.parameters:
-        title = "There is no result"
-        if reasons[0].code == "settings_unknown":
-            title, reasons = case.says(reasons[0]).rstrip("."), reasons[1:]
-    elif release.settled:
-        title, reasons = NOT_NEEDED, cautions
-        if judged and judged.code == "residuals_unusual":
-            reasons = (judged, *cautions)
-        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
-        size = size_words(*max(known, key=lambda row: abs(row[0]) / row[1]))
-        lines = [f"Largest change {size}; the differences would not become smaller."]
-    elif release.usable:
-        title = f"The {many} may be entered{', with care' if cautions else ''}"
-        reasons = cautions or tuple(filter(None, [judged]))
-    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
-        tone = doc.Tone.OPEN
+    answer, release, says = case.answer, case.answer.release, case.says
+    judged, cautions, worst = answer.judgement, release.cautions, answer.validity.reservations
+    tone, lines, reasons = doc.Tone.BAD, list[str](), [*release.reasons]
+    title = says(Reason.of("not_to_enter" if answer.parameters else "no_result"))
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
-    else:
-        worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
-        reasons = (*reasons, *(e for e in worst if e not in reasons))
+        title = says(Reason.of("to_enter_with_care" if cautions else "to_enter"))
+        reasons = [*cautions] or [*filter(None, [judged])]
+    elif reasons[0].code == "settings_unknown":
+        title = says(reasons.pop(0)).rstrip(".")
+    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        tone = doc.Tone.OPEN
+    if release.settled:
+        title = says(Reason.of("nothing_to_enter")).rstrip(".")
+        unusual = judged is not None and judged.code == "residuals_unusual"
+        reasons = [*filter(None, [judged] * unusual), *cautions]
+        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
+        size = size_words(*max(known, key=lambda row: abs(row[0]) / row[1]))
+        lines = [says(Reason.of("largest_change", size=size))]
+    if not release.usable:
+        reasons += [e for e in worst if e.code in INVALIDATING and e not in reasons]
     if diagnosed and (release.usable or answer.verdict not in (None, Verdict.CONSISTENT)):
         lines.insert(0, f"{title}.")
         if meant := next((e for e in reasons if e.code in _MEANT and release.sound), None):
             u = {p.unit: p.expanded for p in sorted(answer.parameters, key=attrgetter("expanded"))}
-            lines[0] = case.says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
+            lines[0] = says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
         # The headline says them.
-        said = (meant, answer.refuted, answer.judgement)
-        title, reasons = headline(case), tuple(e for e in reasons if e not in said)
-    about = [answer.machine.name, input_words(case.given)]
-    if case.method is not None:
-        about.append(f"method {case.method}")
-    lines += map(case.says, reasons)
+        title, headed = headline(case), (meant, answer.refuted, judged)
+        reasons = [reason for reason in reasons if reason not in headed]
+    lines += map(says, reasons)
     # Why released parameters may be worthless.
     if worthless := next((e for e in cautions if e.code in INVALIDATING), None):
-        first = case.says(worthless)
+        first = says(worthless)
         lines = [f"{title.rstrip('.')}.", *(line for line in lines if line != first)]
         title = first.rstrip(".")
+    method = f"method {case.method}" if case.method is not None else None
+    about = filter(None, (answer.machine.name, input_words(case.given), method))
     return doc.Notice(tone, title, tuple(lines), ", ".join(about))
 
 
 def headline(case: Case) -> str:
     """The verdict in one sentence."""
     answer, judged = case.answer, case.answer.judgement
+    code = "consistent"
     if answer.verdict is Verdict.NAMED:
         return _named(case)
     if answer.verdict is Verdict.AMBIGUOUS:
-        return f"Undecided: {_shares(answer)}"
-    if answer.refuted is not None:
-        return f"Unexplained: {case.says(answer.refuted)}"
-    if answer.verdict is not Verdict.CONSISTENT:
-        if answer.beyond:
-            text = "; ".join(pattern_words(case.machine, pattern) for pattern in answer.beyond)
-            return f"Not on the list: {text}."
-        far = [f"{one.id} at {one.times:.0f} times its size" for one in answer.beyond_tolerance]
-        only = f"only {' or '.join(far)} would explain what these readings show"
-        return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
-    unfit = judged is not None and judged.code == "residuals_too_large"
-    text = uncapitalized(case.says(judged)) if judged else "the model fits."
-    return f"{'No cause found' if unfit else 'Consistent'}: {text}"
+        code = "undecided_between"
+    elif answer.refuted is not None:
+        code = "best_refuted"
+    elif answer.verdict is not Verdict.CONSISTENT:
+        far = "only_beyond_size" if answer.beyond_tolerance else "none_explains"
+        code = "not_on_list" if answer.beyond else far
+    elif judged is not None and judged.code == "residuals_too_large":
+        code = "no_cause_found"
+    return case.says(Reason.of(code, answer=answer, shares=_shares(answer)))
 
 
 def _named(case: Case) -> str:
     """The causes that were found, or the shape that is left, and what looks the same."""
-    answer, ids = case.answer, [cause.id for cause in case.answer.causes]
-    share, flat = percent(answer.causes[0].probability, 1), case.given.measured
-    titles, shapes = [], []
-    for cause in answer.causes:
-        # Of readings of one plane nothing tells what makes their shape.
-        if cause.id == case.machine.shape and not isinstance(flat, Differences) and flat.plan.flat:
-            shapes.append(f"A smooth shape is left ({1e3 * cause.adds_mm:.0f} µm)")
-        else:
-            titles.append(case.title_of(cause.id, len(cause.parameters)))
-    if shapes:
-        return f"{' and '.join((*shapes, *titles))}: {' and '.join(ids)}, {share}"
-    if len(ids) > 1:
-        return f"Causes found: {' and '.join(ids)} ({share})"
-    # What looks the same to these readings, such as a stand that was knocked before the last.
-    (cause,) = answer.causes
+    (first, *others), measured = case.answer.causes, case.given.measured
+    # Of readings of one plane nothing tells what makes their shape.
+    flat = isinstance(measured, Readings) and measured.plan.flat
+    shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
+    titles = [case.title_of(c.id, len(c.parameters)) for c in (first, *others) if c is not shape]
+    # Such as a stand that was knocked before the last reading.
     alike = [
-        f"{state.ids[0]}, {percent(state.probability, 1)}"
-        for state in answer.explanations
-        if len(state.ids) == 1 and state.ids[0] in cause.aliases
-        if 2.0 * state.probability > cause.probability
+        (state.ids[0], state.probability)
+        for state in case.answer.explanations
+        if len(state.ids) == 1 and state.ids[0] in first.aliases
+        if 2.0 * state.probability > first.probability
     ]
-    return f"Cause found: {titles[0]} ({', or '.join((f'{cause.id}, {share}', *alike))})"
+    code = "shape_left" if shape else "causes_named" if others else "cause_named"
+    ids = [cause.id for cause in case.answer.causes]
+    data = {"ids": ids, "probability": first.probability, "titles": titles, "alike": alike}
+    return case.says(Reason.of(code, **data, shape=shape))
 
 
 def _shares(answer: Answer) -> str:
@@ -343,7 +327,7 @@ def _shares(answer: Answer) -> str:
 # --- the next steps ---------------------------------------------------------------------------
 
 
-def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
+def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
     """Next steps; `brief`: those that one screen has room for."""
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
@@ -353,11 +337,11 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
         try:
             check_not_adjusted(case.given)
         except UnusableResultError as error:
-            yield doc.Instruction(str(error))
+            yield str(error)
             return
     if release.settled:
         if case.words.measure or case.machine.layouts():
-            yield doc.Instruction("See which further readings would help", case.typed("plan"))
+            yield doc.step("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
     else:
@@ -365,42 +349,40 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     if brief and causes:
         decided = verdict is Verdict.NAMED
         see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
-        yield doc.Instruction(see, case.typed("diagnose"))
+        yield doc.step(see, case.typed("diagnose"))
 
 
-def _diagnosis_steps(case: Case) -> Iterator[doc.Instruction]:
+def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
     yield from case.remedies()
     if case.answer.release.settled:
         yield from to_do(case)
     elif case.answer.release.usable:
-        yield doc.Instruction("See what to enter", case.typed("solve"))
+        yield doc.step("See what to enter", case.typed("solve"))
 
 
-def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
+def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     # No line of simulated readings is for a controller.
     export = None if case.answer.simulated else case.typed("export", f"--format {format}")
     recorded = recording(case.given)
     if recorded == "done":
-        yield doc.Instruction(
-            f"The machine file records that the {words.many} are entered. {words.restart}"
-        )
+        yield f"The machine file records that the {words.many} are entered. {words.restart}"
     elif case.record is not None:
-        yield doc.Instruction(f"{words.entering}, then", case.record)
+        yield doc.step(f"{words.entering}, then", case.record)
     elif export:
-        yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
+        yield doc.step(f"{words.entering}.", export if recorded == "elsewhere" else None)
     if export and not brief and recorded not in ("done", "elsewhere"):
-        yield doc.Instruction("Or print the lines for the controller's file", export)
+        yield doc.step("Or print the lines for the controller's file", export)
     if check is not None:
-        yield doc.Instruction(check_words(check))
+        yield check_words(check)
     if case.table is not None and not brief:
-        yield doc.Instruction("Correct the remaining errors with a table", case.table)
+        yield doc.step("Correct the remaining errors with a table", case.table)
     if words.measure:
-        yield doc.Instruction("Measure again", measure_again(case.given))
+        yield doc.step("Measure again", measure_again(case.given))
     if case.record is None or not brief:
-        yield doc.Instruction(words.compare, case.verify)
+        yield doc.step(words.compare, case.verify)
 
 
 # --- parameters, differences and uncertainty -----------------------------------------------------

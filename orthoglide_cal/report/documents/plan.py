@@ -21,27 +21,20 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
-    BestDesign,
     MeasurementPlan,
     SessionForecast,
 )
 from orthoglide_cal.planning.separation import TRACE_SIGMA
-from orthoglide_cal.planning.steps import (
-    GIVES_UP,
-    MOST_CYCLES,
-    MeasuringProtocol,
-    Order,
-    sequence_options,
-)
+from orthoglide_cal.planning.steps import GIVES_UP, MOST_CYCLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
 from orthoglide_cal.report.sentences import sentence
+from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     listed,
     percent,
-    short,
     two_figures,
     unit_words,
 )
@@ -113,7 +106,7 @@ def plan_document(
         sections.append(doc.Section(title, _sessions_grid(plan)))
         sections.append(doc.Section(None, *_limits(plan)))
         if plan.compare and plan.design:
-            typed = _command(plan.design, plan, machine_file, begun)
+            typed = _command(plan.design, machine_file, begun)
             sections += [_ways(plan), _design(plan.design, typed)]
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
@@ -136,41 +129,37 @@ def _worst(option: NextMeasurement) -> float:
 
 def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
-) -> Iterator[doc.Instruction]:
+) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
     chosen, machine = plan.chosen, plan.model.machine
-    typed = partial(_command, plan=plan, machine=machine_file, begun=begun)
+    typed = partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
-        yield doc.Instruction("See what to enter", begun.typed("solve"))
+        yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
             further = begun.further(best.session)
-            yield doc.Instruction(f"Or, to reduce U: {sentence(best.what)}", further)
+            yield doc.step(f"Or, to reduce U: {sentence(best.what)}", further)
     elif plan.next and begun:
         best = plan.next[0]
-        yield doc.Instruction(sentence(best.what), begun.further(best.session))
+        yield doc.step(sentence(best.what), begun.further(best.session))
     elif begun and begun.answer.release.remedies:
         yield from begun.remedies()
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
-        yield doc.Instruction("Measure what the plungers can follow", typed(plan.design))
+        yield doc.step("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
-        yield doc.Instruction("Measure it", typed(chosen))
+        yield doc.step("Measure it", typed(chosen))
     elif not chosen.plan.touches.all():
-        yield doc.Instruction(machine.vocabulary.probing)
+        yield machine.vocabulary.probing
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
-        yield doc.Instruction(text, typed(chosen))
+        yield doc.step(text, typed(chosen))
         result = command("diagnose", _PLACES, machine=machine_file)
-        yield doc.Instruction("See the result", result)
+        yield doc.step("See the result", result)
 
 
-def _command(
-    forecast: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
-) -> str:
+def _command(forecast: SessionForecast, machine: Path | None, begun: Case | None) -> str:
     """The command to measure a session, or to have its places written."""
-    if plan.gauges is not None:
-        protocol = MeasuringProtocol(forecast.name)
-        options = sequence_options(protocol, forecast.cycles, Order.PAPER, plan.gauges)
-        return command("measure", machine=machine, options=options)
+    if forecast.session is not None:
+        return command("measure", machine=machine, options=forecast.session.options)
     options = f"--layout {forecast.name} --program {_PLACES}"
     if begun:
         return begun.typed("plan", options)
@@ -213,8 +202,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
         if plan.target.reached:
             tone, title = doc.Tone.GOOD, f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
         else:
-            why = f"It needs more than {MOST_CYCLES} cycles, because the readings scatter: take a"
-            why += " finer gauge or a better stand."
+            why = sentence(Reason.of("too_many_cycles", most=MOST_CYCLES))
             if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
                 remedy = source_words(plan.floor.largest.source, machine)[1]
                 why = f"{_stays(plan, plan.floor)} {remedy}"
@@ -320,37 +308,22 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
-    """Every protocol and method for the same uncertainty."""
+    """Every protocol and method that reaches the same uncertainty."""
     rows = []
     for way in plan.compare:
-        numbers = ["never", "", "", ""]
-        if (effort := way.same_expanded) is not None:
-            sizes = effort.cycles, effort.readings, effort.gauge_moves
-            numbers = [*map(str, sizes), f"{effort.minutes:.0f}"]
-        rows.append((way.protocol, way.method, *numbers))
+        sizes = way.cycles, way.readings, way.gauge_moves
+        rows.append((way.name, way.method, *map(str, sizes), f"{way.minutes:.0f}"))
     head = ("protocol", "method", "cycles", "readings", "moves", "min")
-    caption = (
-        f"Effort for ± {two_figures(plan.chosen.worst_mm)} mm. Moves: how often a stand is moved. A"
-        " single gauge stays at one end of the leg as long as it can (--order fewest-moves)."
-    )
+    caption = sentence(Reason.of("ways", worst_mm=plan.chosen.worst_mm, most=MOST_CYCLES))
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
 
 
-def _design(best: BestDesign, typed: str) -> doc.Section:
+def _design(best: SessionForecast, typed: str) -> doc.Section:
     """The fewest readings, and what to type for them."""
-    postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
-    text: tuple[doc.Line, ...] = (
-        f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
-        " the leg from the carriage.",
-        (
-            f"{best.readings} readings in about {best.minutes:.0f} min give"
-            f" ± {two_figures(best.worst_mm)} mm: ",
-            doc.typed(typed),
-        ),
-        f"What is given up: {GIVES_UP}.",
-    )
-    return doc.Section("The fewest readings", *text)
+    codes = "design_postures", "design_gives", "design_gives_up"
+    where, gives, lacks = (sentence(Reason.of(code, best=best, lacks=GIVES_UP)) for code in codes)
+    return doc.Section("The fewest readings", where, (gives, doc.typed(typed)), lacks)
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
@@ -364,8 +337,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         shown = (doc.doubtful(text) if size < _DISTINCT_SIGMA else text for text, size in cells)
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
     heads = ("", "–", *letters[: len(names) - 1])
-    caption = f"Distance in σ; –: from a sound machine; {_MOST_SIGMA}: or more. Distinct?"
-    caption += " Below 1: no; below 2: hardly; below 4: mostly; else yes."
+    caption = sentence(Reason.of("distances", most=_MOST_SIGMA))
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if rows:
         blocks = [doc.Grid(heads, rows, caption=caption)]
@@ -375,12 +347,6 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     title = "Which causes can be distinguished"
     title += f" by {MOST_COMPARED} cycles" if plan.cycles > MOST_COMPARED else ""
     return doc.Section(title, *blocks)
-
-
-def _between(measurement: NextMeasurement) -> tuple[str, str]:
-    """The two explanations that it distinguishes, in words."""
-    first, second = (" with ".join(ids) or "a sound machine" for ids in measurement.between)
-    return first, second
 
 
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
@@ -400,20 +366,17 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     if plan.target is not None:
         wanted = plan.target.expanded_mm
         # The quickest way to the U that was asked for, with the data that there are.
-        able = [option for option in plan.next if _worst(option) <= wanted]
-        when = "is reached by none of these."
-        if now is not None and now <= wanted:
-            when = "is reached already."
-        elif able:
-            quickest = min(able, key=attrgetter("minutes"))
-            when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {sentence(quickest.what)}"
-        worth.append(f"± {wanted:g} mm {when}")
+        able = (option for option in plan.next if _worst(option) <= wanted)
+        quickest = min(able, key=attrgetter("minutes"), default=None)
+        code = "reached_by_none" if quickest is None else "reached_by"
+        code = "reached_already" if now is not None and now <= wanted else code
+        minutes_to = max(quickest.minutes, 1.0) if quickest else 0.0
+        data = {"u_mm": wanted, "quickest": quickest, "minutes": minutes_to}
+        worth.append(sentence(Reason.of(code, **data)))
     tone, title = doc.Tone.INFO, f"Next: {minutes}"
     if best.between:
-        first, second = _between(best)
         title += f" give one answer (probability {percent(best.chance)})"
-        settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
-        worth.insert(0, settled)
+        worth.insert(0, sentence(Reason.of("distinguishes", best=best)))
     elif release.usable:
         tone, title = doc.Tone.GOOD, needless
         may = f"Nothing is undecided. {decision_notice(begun).title}."
@@ -435,11 +398,5 @@ def _next_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if plan.now_mm is not None:
         blank = [""] * (len(heads) - 2)
         rows.insert(0, (*blank, two_figures(plan.now_mm), "nothing: U as it is"))
-    meaning = "No reading can decide more. Ranked by the reduction of U"
-    meaning += " per minute; half an hour is added for the session."
-    if plan.next[0].between:
-        first, second = _between(plan.next[0])
-        meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
-        meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
-        meaning += " readings, in standard deviations."
-    return doc.Grid(heads, rows, words, meaning)
+    code = "ranked_by_time" if plan.next[0].between else "ranked_by_u"
+    return doc.Grid(heads, rows, words, sentence(Reason.of(code, best=plan.next[0])))
