@@ -136,11 +136,12 @@ class Fit(ReadOnly):
         sizes = np.where(local, scale_factor, self.sizes)
         return replace(self, sizes=sizes, scale_factor=scale_factor)
 
-    def spread(self, by_noise: Floats) -> tuple[float, Floats]:
-        """σ and the covariance that follow from ln p by σ of its noise, (..., g)."""
+    def with_sigma(self, by_noise: Floats) -> Fit:
+        """The fit with σ and the covariance that follow from ln p by σ of its noise, (..., g)."""
         shares = np.exp(by_noise - log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
-        return sigma, condition(self.columns, self.unexpected, self.sizes, sigma)[1]
+        covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
+        return replace(self, sigma=sigma, covariance=covariance)
 
     @property
     def offsets_covariance(self) -> Floats:
@@ -399,19 +400,19 @@ def _evidence(fit: Fit) -> tuple[Floats, float]:
 def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     """The fit with its evidence and σ, bounds of what is positive, and the causes that it finds."""
     base, extra, bounds = fit.hypothesis.base, fit.hypothesis.extra, 0.0
-    moved, (sigma, covariance) = fit.moved, fit.spread(by_noise)
+    moved, fit = fit.moved, fit.with_sigma(by_noise)
     centre, sizes = np.zeros(len(fit.sizes)), fit.sizes.copy()
     for cause, slot in zip(base, fit.slots, strict=False):
         named = slice(slot.start, slot.start + len(cause.names))
         if cause.positive:
-            std = np.sqrt(np.diag(covariance)[named])
+            std = np.sqrt(np.diag(fit.covariance)[named])
             bounds += float((log_ndtr(moved[named] / std) - math.log(0.5)).sum())
             mean, spread = HALF_NORMAL
             centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
     if np.any(centre):
         fit = replace(fit, centre=centre, sizes=sizes)
-        moved, (sigma, covariance) = fit.moved, fit.spread(by_noise)
-    unknowns = centre + moved
+        moved, fit = fit.moved, fit.with_sigma(by_noise)
+    unknowns, covariance = centre + moved, fit.covariance
     drafts = [*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])]
     effects = [
         replace(effect, theta=unknowns[slot], covariance=covariance[slot, slot])
@@ -422,10 +423,7 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
         log_evidence = -math.inf
     log_evidence += bounds
-    return replace(
-        fit, sigma=sigma, covariance=covariance, log_evidence=log_evidence,
-        log_positive=bounds, effects=tuple(effects),
-    )  # fmt: skip
+    return replace(fit, log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
 
 
 @dataclass(frozen=True)

@@ -364,8 +364,7 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
         )
     # What the pattern makes is no local shape.
     draft = draft.with_local_shape()
-    sigma, covariance = draft.spread(draft.by_noise)
-    return replace(draft, sigma=sigma, covariance=covariance)
+    return draft.with_sigma(draft.by_noise)
 
 
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
