@@ -340,7 +340,6 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
     return file
 
 
-@functools.cache
 def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware; None if not given."""
     from orthoglide_cal.files.input import printer_settings

@@ -51,9 +51,9 @@ class ReadOnly:
 class of_steps(cached_property[T]):
     """A property of a plan that no time changes: worked out once for all of the same steps."""
 
-    def __get__(self, plan: Any, owner: type | None = None) -> T:  # type: ignore[override]
+    def __get__(self, plan: AnyPlan, owner: type | None = None) -> T:  # type: ignore[override]
         known: T = super().__get__(plan.steps, owner)
-        vars(plan)[self.attrname] = known
+        plan.__dict__[self.attrname] = known
         return known
 
 
