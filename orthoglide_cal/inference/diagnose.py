@@ -29,7 +29,7 @@ from orthoglide_cal.inference.decision import (
 )
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import describe, fits_of
+from orthoglide_cal.inference.patterns import PASSING, describe, fits_of
 from orthoglide_cal.inference.prediction import (
     REPEATS,
     baselines,
@@ -406,18 +406,28 @@ class Diagnosis(Decision):
 
     @property
     def put_right(self) -> Measured:
-        """The data without the named faults that belong to this session alone.
+        """The data without the named faults, and the patterns, that belong to this session alone.
 
         Differences stay as they are, and so do readings in which a fault cannot be undone.
         """
         measured = self.measured
-        if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
+        if isinstance(measured, Differences):
             return measured
         value, machine = measured.value, self.model.machine
-        for effect in self.effects:
+        for effect in self.effects if self.verdict is Verdict.NAMED else ():
             if not effect.cause.lasting:
                 value = effect.cause.inverted(value, effect, measured.plan, machine)
+        for pattern in self.acting:
+            if pattern.how in PASSING:
+                value = value - np.array(pattern.effect_mm)
         return replace(measured, value=value)
+
+    @property
+    def unsure_mm(self) -> Floats:
+        """Standard deviation of each reading besides its noise, shape (n,), or (1,) where none."""
+        more = [one.effect_expanded_mm for one in self.acting if one.how == "scatters"]
+        known = [np.array(expanded) for expanded in more if expanded]
+        return read_only(np.linalg.norm(known or np.zeros((1, 1)), axis=0) / NORMAL_K)
 
     @cached_property
     def lack_of_fit(self) -> LackOfFit:

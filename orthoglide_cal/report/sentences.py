@@ -24,6 +24,7 @@ from orthoglide_cal.words import (
     percent,
     plain,
     signed,
+    together,
     two_figures,
     uncapitalized,
     unit_words,
@@ -84,7 +85,13 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
 
 def pattern_name(pattern: FoundPattern) -> str:
     """The effect in one noun."""
-    return _PATTERNS[pattern.how]["noun"]
+    return _PATTERNS[pattern.how]["noun"].removeprefix("a ")
+
+
+def label_words(label: str) -> str:
+    """The pattern that a label begins with: of "steps leg x, misread" a step at leg x."""
+    how, _, where = label.partition(",")[0].partition(" ")
+    return f"{_PATTERNS[how]['noun']}{f' at {where}' * bool(where)}"
 
 
 def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
@@ -99,7 +106,8 @@ def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
         place = f" ({place})" * bool(place)
         between = f"readings {first['order']}{place} and {last['order']}"
     moment, where = pattern.from_minutes or 0.0, where_words(machine, pattern)
-    return text.format(where=where, rest=rest, moment=moment, between=between)
+    there = " there" * bool(pattern.where)
+    return text.format(where=where, there=there, rest=rest, moment=moment, between=between)
 
 
 def _doubt(doubt: Reason, part: str) -> str:
@@ -115,14 +123,13 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "lengths": lambda values: ", ".join(f"{value:g}" for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
-    "with": " with ".join,
+    "with": together,
     "causes": lambda ids: " and ".join(ids) or "this",
     # The first two answers of several, and how many others there are.
     "either": lambda answers: ", ".join(
-        [" with ".join(ids) or "a cause" for ids in answers[:2]]
+        [together(ids, "a cause") for ids in answers[:2]]
         + [counted(len(answers) - 2, "other")] * (len(answers) > 2)
     ),
-    "state": lambda ids: " with ".join(ids) or "a sound machine",
     "values": lambda rows: ", ".join(f"{name} {value:+.1f} {of}" for name, value, of in rows),
     "two": two_figures,
     "p": chance,

@@ -122,13 +122,14 @@ def test_what_is_undecided_adds_up(number: int) -> None:
     path = str(SAMPLES / f"experiment{number}.csv")
     case = answered(read_input(path, None, lambda: NOMINAL))
     lines = screen(diagnosis_document(case), MOST["undecided"])
-    title = " ".join(lines).partition("Undecided: ")[2].partition(" Orthoglide")[0]
+    title = (
+        " ".join(" ".join(lines).split()).partition("Undecided: ")[2].partition(" Orthoglide")[0]
+    )
     shares = [int(share) for share in re.findall(r"\((\d+) %\)", title)]
     assert sum(shares) == 100
     assert shares[:3] == sorted(shares[:3], reverse=True)
     patterns = [each.probability for each in case.answer.explanations if each.pattern]
-    unlisted = f"none of the listed causes ({100 * sum(patterns):.0f} %)"
-    assert (unlisted in title) == bool(patterns)
+    assert ("something that is not on the list, such as a deviation (" in title) == bool(patterns)
     head = next(k for k, line in enumerate(lines) if "r.m.s. left" in line)
     assert lines[head + 1].startswith("  offsets only ")
 
@@ -144,7 +145,7 @@ def test_a_headline_says_what_looks_the_same() -> None:
     cause = cause.changed(aliases=("stand_shift",), probability=0.46)
     answer = case.answer.changed(causes=(cause,), explanations=rivals)
     said = headline(replace(case, answer=answer))
-    assert said.endswith("is wrong (misread, 46.0 %, or stand_shift, 51.0 %)")
+    assert said.endswith("is wrong (misread 46.0 % or stand_shift 51.0 %)")
 
 
 def test_residuals_of_a_named_cause_are_not_those_after_entering() -> None:

@@ -42,6 +42,7 @@ from orthoglide_cal.words import (
     listed,
     percent,
     short,
+    together,
     two_figures,
     unit_words,
 )
@@ -379,7 +380,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
 
 def _between(measurement: NextMeasurement) -> tuple[str, str]:
     """The two explanations that it distinguishes, in words."""
-    first, second = (" with ".join(ids) or "a sound machine" for ids in measurement.between)
+    first, second = map(together, measurement.between)
     return first, second
 
 
