@@ -1,6 +1,6 @@
 """What follows from the same data under the same model is found once in a process, for all tests.
 
-A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of `decide` and
+A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of it and of
 `diagnose`.
 A test that replaces a part of the inference calls the functions of that module itself.
 """
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.inference.belief import Belief
+from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
 from orthoglide_cal.schema import Reason
@@ -67,10 +67,10 @@ DIAGNOSE = module_of("inference.diagnose")
 diagnose_anew = DIAGNOSE.diagnose
 # Before others take it from there.
 replace("diagnose", once(DIAGNOSE.diagnose), "inference")
-replace("decide", once(DIAGNOSE.decide), "inference.diagnose", "results.history")
+replace("decided", once(DIAGNOSE.decided), "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
-replace("decide_by", functools.lru_cache(KEPT)(DIAGNOSE.decide_by), "inference.diagnose")
-Belief.scaled = functools.lru_cache(KEPT)(Belief.scaled)  # type: ignore[method-assign]
+for name in ("scaled", "settled"):
+    setattr(Decision, name, functools.lru_cache(KEPT)(getattr(Decision, name)))
 NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
 ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
 replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")

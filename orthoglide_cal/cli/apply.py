@@ -36,11 +36,12 @@ def apply(
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.files.text import check_writable
-    from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
+    from orthoglide_cal.report.sentences import sentence
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results import recording, take_back
     from orthoglide_cal.results.application import check_measured
+    from orthoglide_cal.schema import Reason
     from orthoglide_cal.session.adjusting import check_not_adjusted
 
     if session is None and not undo:
@@ -92,7 +93,7 @@ def apply(
     if json:
         common.deliver(document, as_json=True)
     if not entry.changes:
-        common.tell(f"{NOT_NEEDED}. Nothing was changed.")
+        common.tell(f"{sentence(Reason.of('nothing_to_enter'))} Nothing was changed.")
         return
     common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
     if controller and live:

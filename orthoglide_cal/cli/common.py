@@ -255,7 +255,7 @@ def read_input(
     for id in rule_out or ():
         if id not in CAUSES:
             raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
-    given = read(path, known_machine(machine_file), folder_machine, data)
+    given = read(path, known_machine(machine_file), usual_machine, data)
     require_printer(given.measured.source, data)
     keeper = None
     with suppress(OrthocalError):  # nothing can be recorded; what was measured stands for itself
@@ -290,39 +290,6 @@ def require_printer(source: Source, data: Data) -> None:
 
 
 @functools.cache
-def own_machine_file(machine_file: Path | None) -> StoredMachine:
-    """The machine file of --machine or of this folder, in which what was entered is recorded.
-
-    Raises UsageError: there is none that may be changed; InputError: it cannot be used.
-    """
-    from orthoglide_cal.files.machine_file import shipped_folder
-
-    path = machine_file or _file_in_folder()
-    if path is None:
-        fault = "There is no machine file in this folder to record the offsets in."
-        raise UsageError(fault, "Name it with --machine, or make one: orthocal machine new")
-    if str(path) == "-":
-        raise UsageError("Nothing can be recorded in standard input.", "Name a machine file.")
-    if path.resolve().parent == shipped_folder().resolve():
-        fault = f"{path} comes with the program and is never changed."
-        raise UsageError(fault, "Make one for your machine: orthocal machine new")
-    return read_machine_file(path)
-
-
-def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
-    """The machine of --machine, or the settings of a printer's firmware."""
-    from orthoglide_cal.files.input import printer_settings
-
-    path = machine_file if str(machine_file) != "-" else None
-    return (printer_settings(path) if path else None) or given_machine(machine_file)
-
-
-def given_machine(machine_file: Path | None) -> Model | None:
-    """The machine of --machine, read once for many inputs; None if it was not given."""
-    return read_machine_file(machine_file).model if machine_file else None
-
-
-@functools.cache
 def read_machine_file(path: Path) -> StoredMachine:
     """A machine file, read once in a command; in a terminal, what is to be known of it is said."""
     from orthoglide_cal.files.machine_file import read_machine_file as read
@@ -337,34 +304,63 @@ def read_machine_file(path: Path) -> StoredMachine:
 
 
 @functools.cache
-def _file_in_folder() -> Path | None:
-    """The machine file of this folder, searched for once in a command."""
+def chosen_machine(machine_file: Path | None) -> StoredMachine | None:
+    """The machine file of --machine, else that of this folder; None if there is neither."""
     from orthoglide_cal.files.input import machine_in_folder
 
-    return machine_in_folder(Path())
+    path = machine_file or machine_in_folder(Path())
+    return read_machine_file(path) if path else None
+
+
+def own_machine_file(machine_file: Path | None) -> StoredMachine:
+    """The chosen machine file, in which what was entered is recorded.
+
+    Raises UsageError: there is none that may be changed; InputError: it cannot be used.
+    """
+    from orthoglide_cal.files.machine_file import shipped_folder
+
+    if str(machine_file) == "-":
+        raise UsageError("Nothing can be recorded in standard input.", "Name a machine file.")
+    file = chosen_machine(machine_file)
+    if file is None:
+        fault = "There is no machine file in this folder to record the offsets in."
+        raise UsageError(fault, "Name it with --machine, or make one: orthocal machine new")
+    if Path(file.document.path).resolve().parent == shipped_folder().resolve():
+        fault = f"{file.document.path} comes with the program and is never changed."
+        raise UsageError(fault, "Make one for your machine: orthocal machine new")
+    return file
+
+
+def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
+    """The machine of --machine, or the settings of a printer's firmware; None if not given."""
+    from orthoglide_cal.files.input import printer_settings
+
+    if machine_file is None:
+        return None
+    settings = printer_settings(machine_file) if str(machine_file) != "-" else None
+    return settings or read_machine_file(machine_file).model
 
 
 @functools.cache
-def folder_machine() -> Model:
-    """The machine that this folder remembers, else the prototype; says once which one it is."""
+def usual_machine(machine_file: Path | None = None) -> Model:
+    """The chosen machine, else the prototype; says once which one it is if it was not given."""
     from orthoglide_cal.files.machine_file import default_machine
 
-    path = _file_in_folder()
-    if path is not None:
-        tell(f"The machine is that of {path}, the machine file in this folder.")
-        return read_machine_file(path).model
-    if sys.stderr.isatty():
+    file = chosen_machine(machine_file)
+    if file is not None and machine_file is None:
+        tell(f"The machine is that of {file.document.path}, the machine file in this folder.")
+    elif file is None and sys.stderr.isatty():
         # A script that has always worked with the prototype needs no reminder.
         tell(
             "No machine file is named, and this folder has none: the numbers of the paper's"
             " prototype are used. Make a file for your machine: orthocal machine new"
         )
-    return default_machine()
+    return file.model if file else default_machine()
 
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, own_machine_file, _file_in_folder, folder_machine):
+    for read in (read_machine_file, chosen_machine, usual_machine):
         read.cache_clear()
 
 

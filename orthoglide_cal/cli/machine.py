@@ -151,14 +151,13 @@ def show(
     json: bool = common.JSON,
 ) -> None:
     """Show a machine: its numbers, active offsets and accepted causes."""
-    from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.documents.short import machine_document
 
-    path = file or machine_in_folder(Path())
-    if path is None:
+    chosen = common.chosen_machine(file)
+    if chosen is None:
         fault = "There is no machine file in this folder."
         raise UsageError(fault, "Name one, or make one: orthocal machine new")
-    common.deliver(machine_document(common.read_machine_file(path).model), as_json=json)
+    common.deliver(machine_document(chosen.model), as_json=json)
 
 
 def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str, str]]:

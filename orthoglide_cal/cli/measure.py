@@ -81,7 +81,6 @@ def measure(
     json: bool = common.JSON,
 ) -> int:
     """Measure, guided step by step. Every reading is checked and saved at once."""
-    from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
@@ -103,9 +102,9 @@ def measure(
         resume=resume,
         agreed=yes,
         offsets_mm=offsets_active,
-        model=common.given_machine(machine),
-        otherwise=common.folder_machine,
-        keeper=common.given_machine(machine or machine_in_folder(Path())) if then else None,
+        model=common.usual_machine(machine) if machine else None,
+        otherwise=common.usual_machine,
+        keeper=common.chosen_machine(machine) if then else None,
         following=then,
         choice=choice,
         protocol=common.measuring_protocol(protocol, design),

@@ -73,7 +73,7 @@ def plan(
         common.measuring_protocol(protocol, design), cycles, gauges or 2, target, layout
     )
     given = None if file is None else common.read_input(file, machine, data)
-    model = given.model if given else common.given_machine(machine) or common.folder_machine()
+    model = given.model if given else common.usual_machine(machine)
     if program is not None:
         chosen = chosen_session(model, wanted)
         guided = chosen.name in list(MeasuringProtocol)  # no layout

@@ -76,7 +76,7 @@ def simulate(
     from orthoglide_cal.model.model import synthetic_session
 
     chosen = secrets.randbelow(2**32) if seed is None else seed
-    known = common.given_machine(machine) or common.folder_machine()
+    known = common.usual_machine(machine)
     nominal = known.machine
     given = {"repeatability_mm": noise, "resolution_mm": resolution}
     gauge = nominal.instrument.changed(**{k: v for k, v in given.items() if v is not None})

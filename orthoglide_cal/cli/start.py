@@ -15,17 +15,16 @@ if TYPE_CHECKING:
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
-    from orthoglide_cal.files.input import machine_in_folder, printers_in, sessions_in
+    from orthoglide_cal.files.input import printers_in, sessions_in
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
 
     here, file, machine, known = Path(), None, None, "none in this folder"
     try:
-        if path := machine_in_folder(here):
-            file = common.read_machine_file(path)
+        if file := common.chosen_machine(None):
             machine = file.model.machine
-            known = f"{path}: {machine.name}, {machine.geometry_words}"
+            known = f"{file.document.path}: {machine.name}, {machine.geometry_words}"
     except OrthocalError as error:
         known = str(error)
     to = unwritten(file) if file else None

@@ -18,7 +18,7 @@ def validate(
     from orthoglide_cal.report.documents.short import check_document
 
     def judge(path: str) -> int:
-        check, given = check_file(path, common.known_machine(machine), common.folder_machine, data)
+        check, given = check_file(path, common.known_machine(machine), common.usual_machine, data)
         source = given.measured.source if given else Source(path, check.input.sha256 or "")
         if check.valid:
             common.require_printer(source, data)

@@ -111,6 +111,18 @@ class Problem(ReadOnly):
             return whiten(self.covariance() + ratio @ ratio.T, *values)
         return whiten_shared(ratio, *values)
 
+    def remaining(self, data: Floats, offsets: Floats) -> Floats:
+        """Distance of the offsets from the least-squares optimum, recomputed from the data.
+
+        |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
+        noise σ: no offset would move by more than as many of its standard deviations. Zero at a
+        stationary point of eq. (25), NaN where the model cannot be evaluated.
+
+        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
+        """
+        predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
+        return self.length(jacobian, normal_step(jacobian, data - predicted))
+
     def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
         moved = np.einsum("...kp,...p->...k", jacobian, step)
@@ -158,10 +170,7 @@ class LeastSquaresFit(ReadOnly):
 
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
-    # Distance from the optimum: |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still
-    # be taken, with the stated noise σ. No offset would move by more than as many of its standard
-    # deviations. Zero at a stationary point of eq. (25), NaN where the model cannot be evaluated.
-    remaining: Floats  # (...)
+    remaining: Floats  # as of `Problem.remaining`, (...)
     iterations: Ints  # steps tried, (...)
 
     @property

@@ -25,6 +25,7 @@ from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import (
+    OPTIMAL,
     LeastSquaresFit,
     Method,
     Problem,
@@ -158,6 +159,21 @@ class Solution(OffsetEstimate):
         if scatter is None or scatter >= gauge.rounding_mm:
             return remarks
         return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
+
+    @cached_property
+    def converged(self) -> bool:
+        """True if the offsets are the optimum of the data held here, recomputed; a NaN is no.
+
+        A nonlinear method: by the step that it would still take. A linear one: by what its own
+        estimator finds in its residual.
+        """
+        problem = self.problem
+        if not self.method.linear:
+            return bool(problem.remaining(self.data, self.offsets_mm) <= OPTIMAL)
+        predicted, jacobian = problem.at_zero
+        left = self.data - predicted - jacobian @ self.offsets_mm
+        left = self.method.estimator(problem) @ left / self.budget.std_mm
+        return bool(np.abs(left).max() <= OPTIMAL)
 
     @property
     def judgement(self) -> Reason:

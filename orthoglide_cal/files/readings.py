@@ -179,6 +179,7 @@ def readings_of(
         temperature=np.array(warm),
         gauge=gauge,
         note=tuple(row.note or "" for row in rows),
+        timestamp=tuple(row.timestamp or "" for row in rows),
         line=np.array(lines),
         timed=timed,
         source=source,
@@ -222,6 +223,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
             gauge=gauges[k],
             note=readings.note[k],
             simulated=YES if readings.source.simulated else None,
+            timestamp=readings.timestamp[k],
         )
         for k, t in enumerate(readings.temperature.tolist())
     ]
@@ -245,7 +247,7 @@ def row_at(cell: PlannedReading, posture: str, *, several: bool) -> ReadingRow:
 def readings_csv(readings: Readings) -> str:
     """The text of a readings file, without columns that would be empty; see `reading_rows`."""
     rows = [row.cells() for row in reading_rows(readings)]
-    columns = [name for name in ReadingRow.model_fields if any(name in row for row in rows)]
+    columns = [name for name in ReadingRow.columns() if any(name in row for row in rows)]
     cells = ([row.get(name) for name in columns] for row in rows)
     texts = ([number_text(c) if isinstance(c, float) else c for c in row] for row in cells)
     return csv_text(columns, texts)

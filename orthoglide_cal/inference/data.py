@@ -24,6 +24,7 @@ from itertools import product
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED, PatternCause, RelabelCause
+from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
@@ -278,11 +279,16 @@ class Placed:
     # W·pattern of one unit at each place of a pattern cause [mm per unit]; None of others.
     patterns: Places | None = None
 
-    def numbered(self, number: int) -> Effect:
-        """One size and place, all places in turn for each size; empty if it may have any size."""
+    def numbered(self, number: int, others: Place = ()) -> Effect:
+        """One size and place, all places in turn for each size; empty if it may have any size.
+
+        `others` are readings that are wrong as well.
+        """
         size, at = divmod(number, len(self.tried))
-        count = np.array([*self.cause.counts][size : size + 1], np.float64)
-        return self.cause.at(count, self.tried[at])
+        cause, count = self.cause, np.array([*self.cause.counts][size : size + 1], np.float64)
+        if others and isinstance(cause, Misread):
+            cause = cause.several(len(others) + 1)
+        return cause.at(count, (*others, *self.tried[at]))
 
     def columns(self, place: Place) -> Floats:
         """W·pattern of one unit at a place, of several readings for each, (k, p) [mm]."""

@@ -1,23 +1,27 @@
-"""Decision: what to do about a machine, by least expected loss.
+"""Hypotheses about one data set with their probabilities, and what to do: least expected loss.
 
-A technician is told that nothing is wrong, a name, several answers that are left open, or that no
-listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
-is in `estimation.losses`. Everything else follows from the belief: no probability is compared with
-a number of its own.
+A probability follows from prior weight and evidence by Bayes' rule: of a set of listed causes, or
+of patterns beyond the list; the evidence is that of the nonlinear fit where one was made, else the
+linear one. A technician is told that nothing is wrong, a name, several answers that are left open,
+or that no listed cause explains the data. Each statement is weighed by what it costs if it is
+wrong; the table is in `estimation.losses`. No probability is compared with a number of its own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
+from typing import Self, TypeVar
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     FALSE_RELEASE,
@@ -31,15 +35,30 @@ from orthoglide_cal.estimation.losses import (
     surprising,
 )
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture, probabilities
-from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened
+from orthoglide_cal.inference.data import (
+    ONE_CAUSE,
+    TWO_CAUSES,
+    Candidates,
+    Ids,
+    Linearised,
+    Whitened,
+    unit_of,
+)
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_hypothesis
-from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import PASSING, fits_of
+from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
+from orthoglide_cal.inference.patterns import (
+    PASSING,
+    combined,
+    fits_of,
+    pattern_candidates,
+    placed_causes,
+)
 from orthoglide_cal.inference.result import TimesStated, Verdict
 from orthoglide_cal.model.cause import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
+
+Key = TypeVar("Key", bound=Hashable)
 
 # The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
 # than stated. If something beyond the list stands in their place, an open question costs a
@@ -61,6 +80,40 @@ WEIGHS = 0.01
 PLACE_COUNTS, PLACES = 0.002, 6
 # A cause that many times its plausible size is beyond it; for the search for one of any size.
 BEYOND, ANY_SIZE = 3.0, 1e3
+# So many likely patterns are combined with causes that have a place.
+LIKELY = 5
+
+
+def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
+    """Probability of each hypothesis from ln of its prior times evidence, most probable first.
+
+    Raises numpy.linalg.LinAlgError: rounding left no evidence of one.
+    """
+    total = float(log_sum(np.array([*log_weight.values()])))
+    if math.isnan(total):
+        raise np.linalg.LinAlgError("the evidence is no number")
+    ordered = sorted(log_weight.items(), key=lambda pair: -pair[1])
+    return {key: math.exp(value - total) for key, value in ordered}
+
+
+def mixture(
+    shares: Sequence[float], values: Sequence[Floats], covariances: Sequence[Floats]
+) -> tuple[Floats, Floats]:
+    """Mean (p,) and covariance (p, p) over hypotheses whose shares sum to 1.
+
+    The choice among their values (p,) is added to the covariance (p, p) under each.
+    """
+    weights, means = np.array(shares), np.stack(values)
+    mean = weights @ means
+    apart = means - mean
+    between = (apart.T * weights) @ apart
+    return mean, np.tensordot(weights, np.stack(covariances), axes=1) + between
+
+
+def is_sizeless(ids: Ids, part: Ids) -> bool:
+    """Return whether a set adds to a part of it only faults without size, such as an exchange."""
+    more = set(ids) - set(part)
+    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in more)
 
 
 def keep_ratio(ids: Ids, best: Ids) -> float:
@@ -92,18 +145,153 @@ def state(
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """The statement of least expected loss about one data set, and what follows from it."""
+    """Hypotheses about one data set, the statement of least expected loss, and what follows."""
 
-    belief: Belief
+    at: Linearised  # the data, and what every candidate would do to them
+    hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
+    patterned: Mapping[str, Hypothesis]  # those with patterns beyond the list, by their labels
+    fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
+    # Fits of other hypotheses, made when first asked for; they change no probability.
+    _further: dict[Ids, Fit] = field(default_factory=dict)
+    # Every pattern at every where, looked at closely or not; no tolerance changes them.
+    _tried: dict[bool, list[list[Pattern]]] = field(default_factory=dict)
     # Maps of several dates of a bed agree: what the parameters leave is no noise, but a shape.
     repeats: bool = False
     # What the named causes did not see contradicts them; None where nothing does.
     refuted: Reason | None = None
 
+    @classmethod
+    def about(cls, white: Whitened) -> Self:
+        """Weigh every hypothesis by its linear evidence.
+
+        Raises UnusableResultError: no offsets fit these data.
+        """
+        plan = white.plan
+        spots = len(np.unique(plan.repeats[plan.touches]))
+        at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
+        listed = cls(at, score_all(at), {}).refined([()])
+        return replace(listed, patterned={one.label: one for one in listed.beside(())})
+
+    def scaled(self, factor: float) -> Self:
+        """The same data and patterns with the plausible sizes of all causes multiplied."""
+        at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
+        anew = replace(self, at=at, hypotheses=score_all(at), fits={}, _further={})
+        return replace(anew, repeats=False, refuted=None)
+
+    def refined(self, sets: Iterable[Ids]) -> Self:
+        """The same with the nonlinear fits of some more sets of causes."""
+        fits = {ids: self.fit_of(ids) for ids in sets}
+        return replace(self, fits={**self.fits, **fits}) if fits.keys() - self.fits else self
+
+    def beside(self, ids: Ids) -> list[Hypothesis]:
+        """Every pattern in addition to a set of causes, not looked at closely."""
+        return combined(self.hypotheses[ids], self.fit_of(ids), self._every(fine=False))
+
+    def _every(self, *, fine: bool) -> list[list[Pattern]]:
+        if fine not in self._tried:
+            self._tried[fine] = pattern_candidates(self.fit_of(()), fine=fine)
+        return self._tried[fine]
+
+    def closely(self) -> Self:
+        """The same with patterns looked at closely, also in addition to each other.
+
+        The best one with a second one; each single cause with a pattern; the likely ones and the
+        best of each kind with causes that have a place, which fitted alone would stand where the
+        pattern acts. Each only if prior times evidence grows.
+        """
+        nothing, every = self.fit_of(()), self._every(fine=True)
+        patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
+        ordered = sorted(patterns.values(), key=attrgetter("log_weight"))
+        likely = {one.patterns[0].how: one for one in ordered} | {
+            one.label: one for one in ordered[-LIKELY:-1]
+        }
+        pairs = combined(ordered[-1], nothing, every)
+        for ids in (ids for ids in self.listed if len(ids) == 1):
+            pairs += combined(self.hypotheses[ids], self.fit_of(ids), every)
+        placed = placed_causes(self.at)
+        for hypothesis in likely.values():
+            pairs += combined(hypothesis, nothing, placed)
+        alone = {label: one.log_weight for label, one in patterns.items()}
+        for pair in sorted(pairs, key=attrgetter("log_weight")):
+            if pair.log_weight > max(alone.get(one.label, -math.inf) for one in pair.patterns):
+                patterns[pair.label] = pair
+        return replace(self, patterned=patterns)
+
+    def fit_of(self, ids: Ids) -> Fit:
+        """The nonlinear fit of a set of causes."""
+        if ids in self.fits:
+            return self.fits[ids]
+        if ids not in self._further:
+            self._further[ids] = fit_hypothesis(self.hypotheses[ids])
+        return self._further[ids]
+
+    @cached_property
+    def log_weight(self) -> Mapping[Ids, float]:
+        """ln of prior times evidence of each set of causes."""
+        prior, by_ids = self.at.candidates.log_prior, self.hypotheses.items()
+        return {ids: self.fits.get(ids, one).log_evidence + prior[ids] for ids, one in by_ids}
+
+    @cached_property
+    def probability(self) -> Mapping[Ids | str, float]:
+        """Probability of each set of listed causes and each pattern, the most probable first."""
+        beyond = {label: one.log_weight for label, one in self.patterned.items()}
+        return probabilities({**self.log_weight, **beyond})
+
+    @cached_property
+    def listed(self) -> Mapping[Ids, float]:
+        """Probability of each set of listed causes, the most probable first."""
+        return {key: p for key, p in self.probability.items() if isinstance(key, tuple)}
+
+    @cached_property
+    def unlisted(self) -> Mapping[str, float]:
+        """Probability of each pattern beyond the list, by its label."""
+        return {key: p for key, p in self.probability.items() if isinstance(key, str)}
+
+    @cached_property
+    def something(self) -> float:
+        """Probability of listed causes, whichever."""
+        return sum(value for ids, value in self.listed.items() if ids)
+
+    @cached_property
+    def beyond(self) -> float:
+        """Probability of something beyond the list."""
+        return sum(self.unlisted.values())
+
+    @cached_property
+    def answers(self) -> Mapping[Hashable, tuple[Ids, ...]]:
+        """Sets of causes by what they ask of a technician, the most probable first in each."""
+        by_remedy: dict[Hashable, tuple[Ids, ...]] = {}
+        for ids in filter(None, self.listed):
+            remedy = self.hypotheses[ids].remedy
+            by_remedy[remedy] = (*by_remedy.get(remedy, ()), ids)
+        return by_remedy
+
+    def answer_of(self, ids: Ids) -> tuple[Ids, ...]:
+        """The answer that a set belongs to."""
+        return self.answers[self.hypotheses[ids].remedy] if ids else (ids,)
+
+    def share(self, sets: Iterable[Ids]) -> float:
+        """Probability of some sets of causes together."""
+        return sum(map(self.listed.__getitem__, sets))
+
+    def gain(self, ids: Ids, part: Ids) -> float:
+        """Log odds by which the data favour a fault without size, which a set adds to a part of it.
+
+        The smaller of those in the mean over plausible sizes and of those where both fit best: that
+        the other causes are then of more usual size is no evidence.
+        """
+        first, second = (self.fits.get(one, self.hypotheses[one]) for one in (ids, part))
+        gain = first.log_evidence - second.log_evidence
+        if isinstance(first, Fit) and isinstance(second, Fit):
+            units = unit_of(first.effects), unit_of(second.effects)
+            if units == (1.0, 1.0):
+                gain = min(gain, first.log_likelihood - second.log_likelihood)
+        return gain
+
     @property
     def white(self) -> Whitened:
         """The data, in units of independent noise."""
-        return self.belief.at.white
+        return self.at.white
 
     # --- which answers are left open ---
 
@@ -114,8 +302,8 @@ class Decision:
         Of the most probable answer the set that names it; a second cause is added only where to
         miss it costs more than to look for it in vain.
         """
-        belief, listed = self.belief, self.belief.listed
-        answer = max(belief.answers.values(), key=belief.share, default=((),))
+        listed = self.listed
+        answer = max(self.answers.values(), key=self.share, default=((),))
         # Of sets that are nearly as probable one of the record: whatever spoiled a reading, it is
         # wrong, and to look for a knock in vain costs more.
         least = listed[answer[0]] * MISSED_FAULT / NEEDLESS_HOLD
@@ -136,17 +324,17 @@ class Decision:
         """A set with the shape in place of all that might make it; itself without one."""
         makers = {id for id in ids if CAUSES[id].repeats}
         replaced = tuple(sorted({self.shape} | set(ids) - makers))
-        return replaced if self.shape and makers and replaced in self.belief.listed else ids
+        return replaced if self.shape and makers and replaced in self.listed else ids
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
-        listed, answer = self.belief.listed, self.belief.answer_of(ids)
+        listed, answer = self.listed, self.answer_of(ids)
         least = DISMISSED * listed[ids]
         return tuple(other for other in answer if other != ids and listed[other] >= least)
 
     def is_open(self, ids: Ids) -> bool:
         """Return whether a set of causes is too probable to be dismissed for the best answer."""
-        return self.belief.listed[ids] >= keep_ratio(ids, self.best) * self.belief.something
+        return self.listed[ids] >= keep_ratio(ids, self.best) * self.something
 
     @cached_property
     def rival_sets(self) -> tuple[Ids, ...]:
@@ -155,7 +343,7 @@ class Decision:
         A set that holds another rival and adds to it says nothing new, unless it is the likelier.
         """
         best, same = self.best, self.same_answer(self.best)
-        listed = self.belief.listed
+        listed = self.listed
         held = {self.as_shape(best)}
         if self.shape and any(CAUSES[id].repeats for id in best):
             # It leaves open what makes the shape: the likeliest with each cause that is doubted.
@@ -171,21 +359,20 @@ class Decision:
     def silent(self) -> tuple[Ids, ...]:
         """Faults without size besides the best answer that are open, but not by these data: as
         plausible as not beforehand, to look for them would cost more than to miss them."""
-        belief, best = self.belief, self.best
-        adding = (ids for ids in belief.listed if is_sizeless(ids, best) and self.is_open(ids))
+        best = self.best
+        adding = (ids for ids in self.listed if is_sizeless(ids, best) and self.is_open(ids))
         least = math.log(self.hold / MISSED_FAULT)
-        return tuple(ids for ids in adding if belief.gain(ids, best) < least)
+        return tuple(ids for ids in adding if self.gain(ids, best) < least)
 
     def nearly_dismissed(self, ids: Ids) -> bool:
         """Return whether a set contradicts the best one and is below its bound, not far below."""
-        bound = keep_ratio(ids, self.best) * self.belief.something
+        bound = keep_ratio(ids, self.best) * self.something
         contradicts = not set(self.best) <= set(ids)
-        return contradicts and FAR_BELOW * bound <= self.belief.listed[ids] < bound
+        return contradicts and FAR_BELOW * bound <= self.listed[ids] < bound
 
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Return whether to look for what a set adds to a part of it costs more than to miss it."""
-        belief = self.belief
-        both, alone = (belief.share(belief.answer_of(one)) for one in (ids, part))
+        both, alone = (self.share(self.answer_of(one)) for one in (ids, part))
         return both * MISSED_FAULT < self.hold * alone
 
     @property
@@ -198,31 +385,30 @@ class Decision:
     @property
     def wrong(self) -> bool:
         """True if to look for a fault costs less than to miss one."""
-        return is_likely(self.belief.listed[()], MISSED_FAULT, self.hold)
+        return is_likely(self.listed[()], MISSED_FAULT, self.hold)
 
     @property
     def surely_sound(self) -> bool:
         """True if nothing is wrong by so far that no fit of a cause can change it."""
-        nothing = self.belief.listed[()]
+        nothing = self.listed[()]
         return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.hold
 
     @cached_property
     def verdict(self) -> Verdict:
         """The statement itself."""
-        belief = self.belief
         if self.refuted is not None:
             return Verdict.UNEXPLAINED
         if not self.wrong:
-            if self.repeats and (self.shape,) in belief.hypotheses:
+            if self.repeats and (self.shape,) in self.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
-            too_large = belief.at.local and self.chance(belief.fit(())) < SUSPICIOUS
+            too_large = self.at.local and self.chance(self.fit_of(())) < SUSPICIOUS
             return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
-        lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
-        fit = belief.fit(best)
+        lost = self.beyond * OPEN_ANSWER > self.something * NEEDLESS_HOLD
+        fit = self.fit_of(best)
         if lost or math.isinf(fit.log_evidence) or self._chance_beyond(fit) < MISFIT:
             return Verdict.UNEXPLAINED
         if self.is_nameable:
@@ -238,9 +424,9 @@ class Decision:
         reading a part. Offsets are false that it moves beyond their U, or by what returns with its
         posture.
         """
-        belief, best, fit = self.belief, self.best, self.belief.fit(self.best)
-        bearable, risk = OPEN_ANSWER * belief.something, 0.0
-        if (len(best) * WRONG_NAME + FALSE_RELEASE) * belief.beyond <= bearable:
+        best, fit = self.best, self.fit_of(self.best)
+        bearable, risk = OPEN_ANSWER * self.something, 0.0
+        if (len(best) * WRONG_NAME + FALSE_RELEASE) * self.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
         for one in self.beyond_list:
             hows = {pattern.how for pattern in one.patterns}
@@ -250,7 +436,7 @@ class Decision:
             moved = self._moves(one, fit.offsets, fit.offsets_covariance)
             if moved or hows - CAUSES.keys() - PASSING:
                 loss += FALSE_RELEASE
-            risk += belief.unlisted[one.label] * loss
+            risk += self.unlisted[one.label] * loss
         return risk <= bearable
 
     @cached_property
@@ -275,7 +461,7 @@ class Decision:
 
     def _chance_beyond(self, fit: Fit) -> float:
         """Chance that noise leaves more than a fit does, as large as its statement may mean."""
-        at = self.belief.at
+        at = self.at
         # A fit with priors takes up as many degrees of freedom as the trace of its hat matrix.
         taken = float(np.trace(fit.covariance @ fit.columns.T @ fit.columns)) / fit.sigma**2
         square, dof = float(fit.residual @ fit.residual), len(at.white) - taken
@@ -291,7 +477,7 @@ class Decision:
         Not faults without a size: what does not show moves nothing, but for the sign of a whole
         table, which the opposite offsets give, too, and which nobody could ever rule out.
         """
-        listed = self.belief.listed
+        listed = self.listed
         single = (ids for ids in listed if len(ids) == 1 and CAUSES[ids[0]].names)
         return tuple(id for (id,) in single if listed[id,] * MISSED_FAULT >= MENTION * listed[()])
 
@@ -305,7 +491,7 @@ class Decision:
 
         What no reading shows is uncertain in every explanation already.
         """
-        machine, listed = self.white.machine, self.belief.listed
+        machine, listed = self.white.machine, self.listed
         known = (*machine.unobservable, *machine.fixed_parameters)
         unseen = [(id,) for id in self.unseen if id not in known]
         return [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
@@ -321,7 +507,7 @@ class Decision:
     @property
     def fit(self) -> Fit:
         """The fit of the accepted causes; of the offsets alone if there are none."""
-        return self.belief.fit(self.accepted)
+        return self.fit_of(self.accepted)
 
     @property
     def carried(self) -> Fit:
@@ -329,53 +515,53 @@ class Decision:
 
         Of readings of one plane a smooth shape, whatever makes it, and the motions that they show.
         """
-        hypotheses = self.belief.hypotheses
+        hypotheses = self.hypotheses
         ids = self.best if self.verdict is Verdict.UNEXPLAINED else self.accepted
         if not self.shape or (self.shape,) not in hypotheses:
             return self.fit
         beside = (id for id in ids if not CAUSES[id].repeats)
         with_shape = tuple(sorted((self.shape, *beside)))
-        return self.belief.fit(with_shape if with_shape in hypotheses else (self.shape,))
+        return self.fit_of(with_shape if with_shape in hypotheses else (self.shape,))
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
         """The explanations that the data leave open, the accepted one first, and their shares."""
         if self.verdict is Verdict.UNEXPLAINED:
-            return self.patterned
+            return self.patterned_fits
         sets = [self.accepted, *self.same_answer(self.accepted)]
         if self.verdict is Verdict.AMBIGUOUS:
             sets += self.rival_sets
         elif self.verdict is Verdict.CONSISTENT:
             sets += self.hidden()
-        weights = np.array([self.belief.listed[ids] for ids in sets])
+        weights = np.array([self.listed[ids] for ids in sets])
         weights /= weights.sum()
-        return tuple(zip(weights.tolist(), map(self.belief.fit, sets), strict=True))
+        return tuple(zip(weights.tolist(), map(self.fit_of, sets), strict=True))
 
     @cached_property
-    def silent_fits(self) -> tuple[tuple[str, float, Fit], ...]:
-        """Faults of the record besides the named causes that these data would not show.
+    def silent_fits(self) -> Mapping[str, list[tuple[float, Fit]]]:
+        """Faults of the record besides the named causes that these data would not show, by id.
 
-        For each place: the fault, its share next to what is left open, and the fit that holds it.
+        At each place: its share next to what is left open, and the fit that holds it.
         """
         if self.verdict is not Verdict.NAMED or not self.wrong:
-            return ()
-        belief, best = self.belief, self.accepted
-        total = belief.share((best, *self.same_answer(best)))
-        faults = []
-        for ids in self.silent:
-            (more,) = set(ids) - set(best)
-            share = belief.listed[ids] / total
-            # To keep any other place open would cost more than to be wrong.
-            placed = fits_at_places(belief.hypotheses[ids], share, keep_ratio(ids, best))
-            faults += [(more, part, fit) for part, fit in placed]
-        return tuple(faults)
+            return {}
+        best = self.accepted
+        total = self.share((best, *self.same_answer(best)))
+        # To keep any other place open would cost more than to be wrong.
+        return {
+            more: fits_at_places(
+                self.hypotheses[ids], self.listed[ids] / total, keep_ratio(ids, best)
+            )
+            for ids in self.silent
+            for more in set(ids) - set(best)
+        }
 
     @cached_property
     def beyond_tolerance(self) -> tuple[TimesStated, ...]:
         """Causes that would explain what is unexplained, how many times their size."""
         if self.verdict is not Verdict.UNEXPLAINED:
             return ()
-        at, hypotheses = self.belief.at, self.belief.hypotheses
+        at, hypotheses = self.at, self.hypotheses
         explaining = []
         for cause in at.candidates.broad:
             try:
@@ -410,18 +596,18 @@ class Decision:
     @cached_property
     def beyond_list(self) -> Mapping[Hypothesis, float]:
         """Patterns that remain of those beyond the list, best first, and their shares, 1 in all."""
-        weight = {one: one.log_weight for one in self.belief.patterns.values()}
+        weight = {one: one.log_weight for one in self.patterned.values()}
         # Of weights: all probabilities may be too small for a number.
         least = max(weight.values()) + math.log(DISMISSED)
         return probabilities({one: value for one, value in weight.items() if value >= least})
 
     @cached_property
-    def patterned(self) -> tuple[tuple[float, Fit], ...]:
+    def patterned_fits(self) -> tuple[tuple[float, Fit], ...]:
         """Fits with these patterns and their shares, the likeliest first."""
         return tuple(
             (probability * share, fit)
             for hypothesis, probability in self.beyond_list.items()
-            for share, fit in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+            for share, fit in fits_of(hypothesis, self.fit_of(hypothesis.ids))
         )
 
     @property
@@ -435,10 +621,10 @@ class Decision:
         for one, share in self.beyond_list.items() if self.described else ():
             unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]
             if {pattern.how for pattern in unlisted} <= PASSING:
-                alone = self.belief.patterns[", ".join(pattern.label for pattern in unlisted)]
+                alone = self.patterned[", ".join(pattern.label for pattern in unlisted)]
                 beside = self._offsets_under(alone), self.offsets[1]
                 stays = alone is one or not self._moves(one, *beside)
-                probability += share * self.belief.beyond * stays
+                probability += share * self.beyond * stays
         return probability
 
     def _moves(self, hypothesis: Hypothesis, offsets: Floats, covariance: Floats) -> bool:
@@ -447,13 +633,65 @@ class Decision:
         return bool(np.any(moved > NORMAL_K * np.sqrt(np.diag(covariance))))
 
     def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
-        fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+        fits = fits_of(hypothesis, self.fit_of(hypothesis.ids))
         return np.asarray(sum(share * fit.offsets for share, fit in fits))
 
     @property
     def described(self) -> bool:
         """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
-        return self.refuted is None and self._chance_beyond(self.patterned[0][1]) >= MISFIT
+        return self.refuted is None and self._chance_beyond(self.patterned_fits[0][1]) >= MISFIT
+
+    def settled(self) -> Self:
+        """The same with the fits that may change the statement: linear evidence alone says less."""
+        order, at, weight = list(self.listed), self.at, self.log_weight
+        decision = self.refined([()])
+        # With a local shape that is found to be larger or smaller, the noise is found, too.
+        noise_found = at.local
+        if decision.surely_sound and not noise_found:
+            # Linear scores know no bounds: what cannot be negative may fit better than it scores.
+            positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
+            decision = decision.refined([*decision.hidden(), *positive])
+            if decision.surely_sound:
+                return decision
+        near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
+        decision = decision.refined(near)
+        if noise_found:
+            # Of printers the causes are large against what linear scores can follow.
+            fits = decision.fits
+            again = [ids for ids in order if ids not in fits and decision.nearly_dismissed(ids)]
+            decision = decision.refined(again[:FITS])
+        # What has no size is judged by the fits, too; and linear scores know no bounds: what is
+        # left open is so by its fit.
+        listed = decision.listed
+        least = OPEN_ANSWER / FALSE_RELEASE * listed[decision.best]
+        likely = [ids for ids in listed if ids and listed[ids] >= least]
+        pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
+        wanted = [ids for pair in pairs for ids in pair]
+        for _ in range(FITS):
+            wanted += (decision.best, *decision.rival_sets)
+            if decision.fits.keys() >= set(wanted):
+                break
+            decision = decision.refined(wanted)
+        decision = decision.refined([decision.best])
+        # Few differences follow nearly any pattern.
+        return decision.closely() if at.white.raw and decision.doubted else decision
+
+    @property
+    def doubted(self) -> bool:
+        """True if patterns looked at closely may change the statement.
+
+        Several causes, or several wrong readings, follow most patterns; one, alone or beside the
+        accepted cause, may make it a wrong name.
+        """
+        accepted = self.accepted
+        if self.verdict is Verdict.UNEXPLAINED or len(accepted) > 1:
+            return True
+        if not accepted or len(self.fit.wrong_readings) > 1:
+            return bool(accepted)
+        patterns = (*self.patterned.values(), *self.beside(accepted))
+        likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
+        bearable = OPEN_ANSWER * self.something / self.listed[accepted]
+        return likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
 
 
 def fits_at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
@@ -474,60 +712,3 @@ def fits_at_places(hypothesis: Hypothesis, share: float, least: float) -> list[t
         (part, fit_hypothesis(replace(alone, extra=placed.numbered(number))))
         for part, number in zip(parts.tolist(), kept.tolist(), strict=True)
     ]
-
-
-def decide(white: Whitened) -> Decision:
-    """Weigh every hypothesis about the data, fit those that may change the decision, and decide.
-
-    Raises UnusableResultError: no offsets fit these data.
-    """
-    return decide_by(Belief.about(white))
-
-
-def decide_by(linear: Belief) -> Decision:
-    """The decision that follows from linear evidence, with the fits that it needs."""
-    order, at = list(linear.listed), linear.at
-    weight = linear.log_weight
-    decision = Decision(linear.refined([()]))
-    # With a local shape that is found to be larger or smaller, the noise is found, too.
-    noise_found = at.local
-    if decision.surely_sound and not noise_found:
-        # Linear scores know no bounds: one of what cannot be negative may fall short of its fit.
-        positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
-        decision = Decision(decision.belief.refined([*decision.hidden(), *positive]))
-        if decision.surely_sound:
-            return decision
-    near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
-    decision = Decision(decision.belief.refined(near))
-    if noise_found:
-        # Of printers the causes are large against what linear scores can follow.
-        fits = decision.belief.fits
-        again = [ids for ids in order if ids not in fits and decision.nearly_dismissed(ids)]
-        decision = Decision(decision.belief.refined(again[:FITS]))
-    # What has no size is judged by the fits, too; and linear scores know no bounds: what is left
-    # open is so by its fit.
-    listed = decision.belief.listed
-    least = OPEN_ANSWER / FALSE_RELEASE * listed[decision.best]
-    likely = [ids for ids in listed if ids and listed[ids] >= least]
-    pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
-    wanted = [ids for pair in pairs for ids in pair]
-    for _ in range(FITS):
-        wanted += (decision.best, *decision.rival_sets)
-        if decision.belief.fits.keys() >= set(wanted):
-            break
-        decision = Decision(decision.belief.refined(wanted))
-    decision = Decision(decision.belief.refined([decision.best]))
-    # Few differences follow nearly any pattern.
-    if not at.white.raw:
-        return decision
-    # Several causes, or several wrong readings, follow most patterns.
-    belief, accepted = decision.belief, decision.accepted
-    doubted = decision.verdict is Verdict.UNEXPLAINED or len(accepted) > 1
-    doubted = doubted or len(decision.fit.wrong_readings) > 1
-    if accepted and not doubted:
-        # A pattern, alone or beside the accepted cause, may make it a wrong name.
-        patterns = (*belief.patterns.values(), *belief.beside(accepted))
-        likeliest = max(one.log_weight for one in patterns) - belief.log_weight[accepted]
-        bearable = OPEN_ANSWER * belief.something / belief.listed[accepted]
-        doubted = likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
-    return Decision(belief.closely()) if doubted else decision

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from datetime import date
 from functools import cached_property
+from itertools import chain
 from types import MappingProxyType
 
 import numpy as np
@@ -13,8 +14,8 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
-from orthoglide_cal.estimation.accuracy import scatter_of_repeats
-from orthoglide_cal.estimation.budget import Budget, Contribution
+from orthoglide_cal.estimation.accuracy import Scatter, scatter_of_repeats
+from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
@@ -23,21 +24,12 @@ from orthoglide_cal.inference.decision import (
     MISFIT,
     PLACE_COUNTS,
     Decision,
-    decide,
-    decide_by,
     fits_at_places,
 )
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, describe, fits_of
-from orthoglide_cal.inference.prediction import (
-    REPEATS,
-    baselines,
-    chance_of_worse,
-    moved_origin,
-    predict_later,
-    repeats,
-)
+from orthoglide_cal.inference.prediction import REPEATS, Later, baselines, repeats
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
     AssumedSize,
@@ -58,6 +50,9 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 
+# Tolerances with which it is asked whether the answer depends on them, by what was done to them.
+SCALED = {"halved": 0.5, "doubled": 2.0}
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Diagnosis(Decision):
@@ -65,15 +60,19 @@ class Diagnosis(Decision):
 
     measured: Measured
     model: Model  # that they were judged by
-    alone: Solution  # the calibrated parameters alone
     # Errors of predicting readings that were not fitted, without the causes and with them; None
     # where nothing was to be predicted.
-    held_out: tuple[HeldOut, HeldOut] | None
+    held_out: tuple[HeldOut, HeldOut] | None = None
     # Of a printer, what the extension is compared with; None where it was not asked.
-    baselines: Baselines | None
-    # With all tolerances "halved" and "doubled"; empty if it was not asked for.
-    sensitivity: Mapping[str, Otherwise]
-    remarks: tuple[Reason, ...]  # on other dates, and on the held-out data
+    baselines: Baselines | None = None
+    # With all tolerances "halved" and "doubled"; None if it was not asked for, or nothing is wrong.
+    sensitivity: Mapping[str, Otherwise] | None = None
+    remarks: tuple[Reason, ...] = ()  # on other dates, and on the held-out data
+
+    @cached_property
+    def alone(self) -> Solution:
+        """The calibrated parameters alone."""
+        return fit_parameters(self.measured, self.model, start=self.at.offsets[0])
 
     # --- the parameters ---
 
@@ -94,10 +93,18 @@ class Diagnosis(Decision):
 
     @property
     def budget(self) -> Budget:
-        """Their uncertainty by source; what the verdict leaves open comes last."""
-        known = self.left_open[0][1].budget(self.model.machine.instrument)
-        left = self.covariance_mm2 - known.covariance_mm2
-        return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
+        """Their uncertainty by source; what causes, then the verdict, leave open comes last."""
+        (_, fit), *_ = self.left_open
+        estimator = fit.covariance[: len(fit.offsets)] @ fit.columns.T / fit.sigma**2
+        gauge, scatter = self.model.machine.instrument, Scatter(fit.sigma, np.inf)
+        budget = budget_of(estimator, gauge, scatter, fit.uncertain)
+        causes = " and ".join(e.cause.id for e in fit.effects if e.covariance is not None)
+        beyond = {causes: fit.offsets_covariance} if causes else {}
+        beyond[Origin.EXPLANATIONS] = self.covariance_mm2
+        for source, covariance in beyond.items():
+            left = covariance - budget.covariance_mm2
+            budget = budget.extended([Contribution.beyond(source, left)])
+        return budget
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
         """Contributions to the uncertainty of a solution's offsets for these data, by cause.
@@ -161,7 +168,7 @@ class Diagnosis(Decision):
             causes.append(
                 FoundCause(
                     id=id,
-                    probability=self.belief.listed[self.accepted],
+                    probability=self.listed[self.accepted],
                     where=where,
                     parameters=parameters,
                     adds_mm=white.rms(unexplained(by_parameters, adds)),
@@ -177,7 +184,7 @@ class Diagnosis(Decision):
                     in_machine=cause.in_machine,
                 )
             )
-        single = {one.id: -self.belief.hypotheses[(one.id,)].log_evidence for one in causes}
+        single = {one.id: -self.hypotheses[(one.id,)].log_evidence for one in causes}
         return tuple(sorted(causes, key=lambda one: (one.id in machine.companions, single[one.id])))
 
     @property
@@ -205,15 +212,11 @@ class Diagnosis(Decision):
     @cached_property
     def unshown(self) -> tuple[UnshownFault, ...]:
         """Faults of the record that would not show besides the named causes, at all places."""
-        plan, machine = self.white.plan, self.model.machine
-        faults: dict[str, list[Fit]] = {}
-        for id, _, fit in self.silent_fits:
-            faults.setdefault(id, []).append(fit)
-        shown = []
-        for id, fits in faults.items():
-            effects = (effect for fit in fits for effect in fit.effects if effect.cause.id == id)
+        plan, machine, shown = self.white.plan, self.model.machine, []
+        for id, fits in self.silent_fits.items():
+            effects = (effect for _, fit in fits for effect in fit.effects if effect.cause.id == id)
             wheres = (effect.cause.label(effect.place, plan, machine) for effect in effects)
-            change = np.max([np.abs(fit.offsets - self.offsets_mm) for fit in fits], axis=0)
+            change = np.max([np.abs(fit.offsets - self.offsets_mm) for _, fit in fits], axis=0)
             u = NORMAL_K * self.std_mm
             largest = int(np.argmax(change / u))
             shown.append(
@@ -245,19 +248,18 @@ class Diagnosis(Decision):
                 for share, fit in self.left_open
                 for placed in fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
             )
-        matter = {fault.id for fault in self.unshown if fault.matters}
-        faults = ((share, fit) for id, share, fit in self.silent_fits if id in matter)
-        return (*self.left_open, *faults)
+        matter = (self.silent_fits[fault.id] for fault in self.unshown if fault.matters)
+        return (*self.left_open, *chain(*matter))
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
         """Those not dismissed, best first; those that are left open with their parameters."""
         fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in self.left_open}
-        least = DISMISSED * max(self.belief.probability.values())
+        least = DISMISSED * max(self.probability.values())
         # What is open is compared with the parameters alone, however improbable.
         sound = WORTH_SAYING * (self.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
         explanations = []
-        for key, probability in self.belief.probability.items():
+        for key, probability in self.probability.items():
             fit = fits.get(key)
             if fit is None and probability < (least if key else sound):
                 continue
@@ -276,7 +278,7 @@ class Diagnosis(Decision):
     @property
     def assumed_sizes(self) -> tuple[AssumedSize, ...]:
         """Size of each cause that was tried at its default: the machine file gives none."""
-        machine, tried = self.model.machine, {id for ids in self.belief.hypotheses for id in ids}
+        machine, tried = self.model.machine, {id for ids in self.hypotheses for id in ids}
         return tuple(
             AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
             for id, cause in CAUSES.items()
@@ -327,13 +329,13 @@ class Diagnosis(Decision):
                 f" {', '.join(doubtful)}, which lies in the measurement.",
                 "Take the reading that diagnose names, then accept.",
             )
-        listed = self.belief.listed
+        listed = self.listed
         best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
         if id not in best or not (best == accepted or self.is_open(best)):
             raise UnusableResultError(
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
-        (effect,) = (one for one in self.belief.fit(best).effects if one.cause.id == id)
+        (effect,) = (one for one in self.fit_of(best).effects if one.cause.id == id)
         sha256 = self.measured.source.sha256
         return self.model.accepting(effect.accepted(on.isoformat(), sha256))
 
@@ -350,12 +352,12 @@ class Diagnosis(Decision):
             for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
                 others = tuple(one for one in hypothesis.patterns if one is not pattern)
                 first.setdefault(pattern.label, replace(hypothesis, patterns=(*others, pattern)))
-                share = self.belief.unlisted[hypothesis.label]
+                share = self.unlisted[hypothesis.label]
                 total[pattern.label] = total.get(pattern.label, 0.0) + share
         acting, patterns = {one.label for one in next(iter(self.beyond_list)).patterns}, []
         for label, last in first.items():
             of_it = self.measured, total[label], label in acting, self.alone.rms_after_mm
-            patterns.append(describe(last, self.belief.fit(last.ids), *of_it))
+            patterns.append(describe(last, self.fit_of(last.ids), *of_it))
         return tuple(filter(None, patterns))
 
     @property
@@ -368,7 +370,7 @@ class Diagnosis(Decision):
         if self.verdict is not Verdict.UNEXPLAINED or self.refuted is not None:
             return
         hypothesis = next(iter(self.beyond_list))
-        for effect in self.belief.fit(hypothesis.ids).effects:
+        for effect in self.fit_of(hypothesis.ids).effects:
             yield effect.cause, effect.place
         for one in hypothesis.patterns:
             if one.how in CAUSES:
@@ -384,7 +386,7 @@ class Diagnosis(Decision):
         left = fit.left
         if self.acting:
             hypothesis = next(iter(self.beyond_list))
-            fit = self.belief.fit(hypothesis.ids)
+            fit = self.fit_of(hypothesis.ids)
             # More noise predicts nothing.
             acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
             fits = fits_of(replace(hypothesis, patterns=acting), fit) if acting else [(1.0, fit)]
@@ -435,10 +437,10 @@ class Diagnosis(Decision):
         alone, noise = self.alone, self.model.machine.instrument.noise_mm
         dof, size, p_value = alone.dof, alone.sigma_residuals_mm or 0.0, alone.lack_of_fit_p
         if self.white.texture is not None:
-            fit = self.belief.fit(())
+            fit = self.fit_of(())
             factor = 1.0 if self.verdict is Verdict.UNEXPLAINED else self.fit.scale_factor
             if factor != fit.scale_factor:
-                fit = fit_hypothesis(self.belief.hypotheses[()], factor)
+                fit = fit_hypothesis(self.hypotheses[()], factor)
             dof, p_value = len(self.white) - alone.offsets_mm.size, self.chance(fit)
             size = math.sqrt(fit.square / dof) if dof else 0.0
         repeats, chance, measured = None, None, self.measured
@@ -468,7 +470,7 @@ class Diagnosis(Decision):
         Last what stays unexplained of a local shape, where that is the rule, and claims not made.
         """
         yield from notes_on(self.measured)
-        belief, white, machine = self.belief, self.white, self.model.machine
+        white, machine = self.white, self.model.machine
         accepted, fit = self.accepted, self.fit
         for id, spread in machine.doubted.items():
             lengths = machine.nominal_rails.lengths.tolist()
@@ -478,14 +480,14 @@ class Diagnosis(Decision):
         for cause, place in self._beside_patterns():
             yield Reason.of("acts_too", id=cause.id, where=cause.label(place, white.plan, machine))
         if self.verdict is Verdict.UNEXPLAINED:
-            best, least = self.best, DISMISSED * max(belief.unlisted.values())
-            if len(best) > 1 and belief.listed[best] >= least:
+            best, least = self.best, DISMISSED * max(self.unlisted.values())
+            if len(best) > 1 and self.listed[best] >= least:
                 yield Reason.of("two_would_follow", ids=best)
         if self.verdict is Verdict.AMBIGUOUS:
             for ids in self.rival_sets:
                 if set(accepted) < set(ids):
                     yield Reason.of("perhaps_also", ids=[id for id in ids if id not in accepted])
-        for part, probability in belief.listed.items():
+        for part, probability in self.listed.items():
             if part and set(part) < set(accepted) and self.is_open(part):
                 others = [id for id in accepted if id not in part]
                 yield Reason.of("perhaps_alone", id=part[0], others=others, probability=probability)
@@ -531,71 +533,60 @@ def diagnose(
 
     Raises UnusableResultError: as of `decided`.
     """
-    decision, machine, remarks = decided(measured, model), model.machine, list[Reason]()
-    belief, white = decision.belief, decision.white
-    changed = machine.differing(then.machine) if then is not None else ()
-    anew = recalibrated or bool(changed)
-    known = then if then is not None and changed else model
-    later = None if holdout is None else Whitened.of(holdout, known)
-    entered = np.zeros(len(machine.parameter_names))
-    entered[: len(applied)] = applied
-    free = len(entered) * anew
-    if later is not None and anew:
-        remarks.append(Reason.of("recalibrated", changed=changed))
-    elif later is not None:
-        shift = moved_origin(later, decision.carried, entered)
-        if shift is not None:
-            free = len(shift)
+    diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
+    white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit
+    wrong = accepted.wrong_readings
+    later, held_out, beside, changes = None, None, None, None
+    if holdout is not None:
+        changed = machine.differing(then.machine) if then is not None else ()
+        known = then if then is not None and changed else model
+        entered = np.zeros(len(machine.parameter_names))
+        entered[: len(applied)] = applied
+        later = Later(Whitened.of(holdout, known), machine, entered)
+        if recalibrated or changed:
+            later = replace(later, free=entered.size)
+            remarks.append(Reason.of("recalibrated", changed=changed))
+        elif (shift := later.moved_origin(diagnosis.carried)) is not None:
+            later = replace(later, free=len(shift))
             moves = dict(zip(machine.parameter_names, shift.tolist(), strict=False))
             remarks.append(Reason.of("origin_moved", moves=moves))
     again = repeats(white, later)
     if again is not None and again > REPEATS:
         remarks.append(Reason.of("maps_repeat", correlation=again))
-    alone = fit_parameters(measured, model, start=belief.at.offsets[0])
-    nothing, accepted = belief.fit(()), decision.fit
-    held_out, beside = None, None
     touched = bool(white.plan.touches.any())
-    if accepted.effects or (touched and (sensitivity or later is not None)):
+    if accepted.effects or (touched and (sensitivity or later)):
         before, after = (
-            predict_later(later, fit, entered, free, machine)
-            if later is not None
-            else leave_out(fit, left_out(white, accepted.wrong_readings))[2]
-            for fit in (nothing, decision.carried)
+            later.held_out(fit) if later else leave_out(fit, left_out(white, wrong))[2]
+            for fit in (nothing, diagnosis.carried)
         )
         # Whoever adjusted the machine may have removed what acted before.
-        if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
-            refuted = refuted_later(decision, later, decision.carried, nothing, free)
-            decision = replace(decision, refuted=refuted)
+        if later and diagnosis.verdict is Verdict.NAMED and not later.entered.any():
+            refuted = later.refute(diagnosis.accepted, diagnosis.carried, nothing)
+            diagnosis = replace(diagnosis, refuted=refuted) if refuted else diagnosis
         # Without the cause the errors are in the unit that was written down, too.
-        unit = 1.0 if later is not None else unit_of(decision.fit.effects)
-        before = replace(before, rms_mm=before.rms_mm * unit)
-        held_out = before, after
+        unit = 1.0 if later else unit_of(diagnosis.fit.effects)
+        held_out = replace(before, rms_mm=before.rms_mm * unit), after
         if touched:
-            errors = {"parameters_mm": before.rms_mm, "extension_mm": after.rms_mm}
-            others = baselines(white, later, entered, free)
-            beside = Baselines(**errors, **others, repeats=again)
-    changes: dict[str, Otherwise] = {}
-    if sensitivity and decision.verdict is not Verdict.CONSISTENT:
-        for name, factor in (("halved", 0.5), ("doubled", 2.0)):
-            other = decide_by(belief.scaled(factor))
-            changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
-    return Diagnosis(
-        belief=belief,
-        repeats=decision.repeats,
-        refuted=decision.refuted,
-        measured=measured,
-        model=model,
-        alone=alone,
+            before_mm, after_mm = (held.rms_mm for held in held_out)
+            errors = {"parameters_mm": before_mm, "extension_mm": after_mm, "repeats": again}
+            beside = Baselines(**errors, **baselines(white, later))
+    if sensitivity and diagnosis.verdict is not Verdict.CONSISTENT:
+        scaled = {name: diagnosis.scaled(factor).settled() for name, factor in SCALED.items()}
+        changes = MappingProxyType(
+            {name: Otherwise(verdict=one.verdict, ids=one.accepted) for name, one in scaled.items()}
+        )
+    return replace(
+        diagnosis,
         held_out=held_out,
         baselines=beside,
-        sensitivity=MappingProxyType(changes),
+        sensitivity=changes,
         remarks=tuple(remarks),
     )
 
 
 # What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
 @np.errstate(invalid="ignore")
-def decided(measured: Measured, model: Model) -> Decision:
+def decided(measured: Measured, model: Model) -> Diagnosis:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
     A name has to predict what is left out of its fit, and each date from those before it. Raises
@@ -604,7 +595,11 @@ def decided(measured: Measured, model: Model) -> Decision:
     try:
         white = Whitened.of(measured, model)
         again = repeats(white)
-        decision = replace(decide(white), repeats=again is not None and again > REPEATS)
+        linear = Decision.about(white)
+        known = {item.name: getattr(linear, item.name) for item in fields(linear)}
+        decision = Diagnosis(**known, measured=measured, model=model).settled()
+        if again is not None and again > REPEATS:
+            decision = replace(decision, repeats=True)
         verdict, fit = decision.verdict, decision.fit
     except np.linalg.LinAlgError as error:
         raise UnusableResultError(
@@ -617,41 +612,28 @@ def decided(measured: Measured, model: Model) -> Decision:
         return decision
     held = leave_out(fit, left_out(white, fit.wrong_readings))[2]
     if held.chance >= MISFIT:
-        return replace(decision, refuted=_refuted_by_date(measured, decision))
+        refuted = _refuted_by_date(decision)
+        return replace(decision, refuted=refuted) if refuted else decision
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 
 
-def refuted_later(
-    decision: Decision, later: Whitened, fit: Fit, alone: Fit, free: int
-) -> Reason | None:
-    """How later data refute the named causes, of which a fit is; None if they do not.
-
-    So many parameters, `free`, are others then.
-    """
-    before, nothing = decision.white.machine, np.zeros(fit.offsets.size)
-    if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
-        return None
-    errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
-    sizes = dict(zip(("without_mm", "with_mm"), errors, strict=True))
-    return Reason.of("refuted_later", ids=decision.accepted, **sizes)
-
-
-def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
+def _refuted_by_date(diagnosis: Diagnosis) -> Reason | None:
     """How a date refutes what lasts of a name, predicted from those before it.
 
     The parameters are others on each date.
     """
-    fit, model = decision.carried, decision.white.problem.model
+    fit, measured, model = diagnosis.carried, diagnosis.measured, diagnosis.model
+    entered = 0.0 * fit.offsets
     lasting = tuple(cause for cause in fit.hypothesis.base if cause.lasting)
     if not isinstance(measured, Readings) or not lasting:
         return None
     for day in np.unique(measured.plan.date)[1:]:
         parts = measured.plan.date < day, measured.plan.date == day
-        earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
+        earlier, dated = (Whitened.of(measured.subset(part), model) for part in parts)
+        later = Later(dated, model.machine, entered, entered.size)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
-        shaped, bare = map(fit_hypothesis, bases)
-        if refuted := refuted_later(decision, later, shaped, bare, fit.offsets.size):
+        if refuted := later.refute(diagnosis.accepted, *map(fit_hypothesis, bases)):
             return refuted
     return None

@@ -19,8 +19,7 @@ from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.estimation.accuracy import Scatter, rms
-from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
+from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
 from orthoglide_cal.inference.data import Ids, Linearised, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
@@ -35,7 +34,7 @@ from orthoglide_cal.inference.hypothesis import (
 )
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.contrasts import Contrasts
-from orthoglide_cal.model.machine import Influence, Instrument, Origin
+from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
 
@@ -240,17 +239,6 @@ class Fit(ReadOnly):
             return np.asarray(values / sigma)
         general, factors = texture.whitened(sigma)
         return np.asarray(general * shrink(values, texture.axes, factors) / sigma)
-
-    def budget(self, gauge: Instrument) -> Budget:
-        """The uncertainty of its offsets by source; what its causes leave open comes last."""
-        width = len(self.offsets)
-        estimator = self.covariance[:width] @ self.columns.T / self.sigma**2
-        known = budget_of(estimator, gauge, Scatter(self.sigma, np.inf), self.uncertain)
-        sized = [effect.cause.id for effect in self.effects if effect.covariance is not None]
-        if not sized:
-            return known
-        left = self.offsets_covariance - known.covariance_mm2
-        return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
 def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) -> Fit:
@@ -458,35 +446,34 @@ def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
         taken = np.hstack((entries.zeros, taken))
     errors, square, alone = [], 0.0, 0.0
     together = np.zeros((taken.shape[1],) * 2)
-    for some in blocks:
-        mine, values = taken[some], weighted[some][..., None]
-        turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
-        both = np.concatenate((values, mine), axis=-1)
+    for block in blocks:
+        mine, values = taken[block], weighted[block]
+        both, (size, rank) = np.column_stack((values, mine)), mine.shape
         if size > rank:
-            inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
+            inner = np.linalg.solve(np.eye(rank) - mine.T @ mine, mine.T @ both)
             solved = np.asarray(both + mine @ inner)
         else:
             unit = np.eye(size)
             if not isinstance(entries, Contrasts):
-                unit = (entries.T @ entries)[some[:, :, None], some[:, None, :]]
-            solved = np.asarray(np.linalg.solve(unit - mine @ turned, both))
-        error, spread = solved[..., :1], solved[..., 1:]
-        errors.append(error.reshape(-1))
-        square += float((error * values).sum()) / fit.sigma**2
-        within = turned @ spread if size > rank else spread @ turned
-        alone += float((within * within.swapaxes(-1, -2)).sum())
-        together += np.tensordot(mine, spread, ((0, 1), (0, 1)))
+                unit = (entries.T @ entries)[np.ix_(block, block)]
+            solved = np.asarray(np.linalg.solve(unit - mine @ mine.T, both))
+        error, spread = solved[:, 0], solved[:, 1:]
+        errors.append(error)
+        square += float(error @ values) / fit.sigma**2
+        within = mine.T @ spread if size > rank else spread @ mine.T
+        alone += float((within * within.T).sum())
+        together += mine.T @ spread
     errors_mm, chance = np.concatenate(errors), 1.0
     n = errors_mm.size
     if isinstance(entries, Contrasts):
         dof = n**2 / (n + float(np.sum(together**2)) - alone)
         chance = float(chdtrc(dof, square * dof / n))
     held = HeldOut(rms(errors_mm), math.sqrt(square / n), chance)
-    return np.concatenate([some.reshape(-1) for some in blocks]), errors_mm, held
+    return np.concatenate(blocks), errors_mm, held
 
 
 def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = None) -> list[Ints]:
-    """Entries to leave out together; blocks of one size in one array, shape (blocks, size).
+    """Entries to leave out together, in blocks, each of shape (size,).
 
     Those of one (leg, direction, posture) cell of the plan, each difference, or those of `cells`,
     (n,). Wrong readings, each by itself, no model can predict; they are not scored.
@@ -502,8 +489,4 @@ def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = No
             several = np.bincount(shared[cells != cells[first][shared]], minlength=first.size) > 0
             kept = several[shared]
         kept[list(wrong)] = False
-    by_size: dict[int, list[Ints]] = {}
-    for cell in np.unique(cells[kept]):
-        block = np.flatnonzero(kept & (cells == cell))
-        by_size.setdefault(block.size, []).append(block)
-    return [np.stack(blocks) for blocks in by_size.values()]
+    return [np.flatnonzero(kept & (cells == cell)) for cell in np.unique(cells[kept])]

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
-from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
@@ -267,24 +266,13 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
 
 def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     """The score with these readings wrong, and one more, which may be any."""
-    base = score.base
     assert score.extra is not None
-    placed = at.extras[score.extra.cause.id]
-    cause = placed.cause
-    assert isinstance(cause, Misread)
+    placed, base = at.extras[score.extra.cause.id], [score.base]
     wrong, price = others_wrong(at, placed, others)
-    density = density_of(at, [base], at.usual, seen=[np.hstack((at.seen, wrong))])
-    by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
-    residual = at.residuals[0]
-    for where, log in pattern_densities(at, placed, density, residual, density.by_noise(residual)):
-        by_place[:, where] = log_sum(log[0], (1, 2))
-    by_place[:, list(others)] = -math.inf
-    log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
-    scale, number = (int(k) for k in np.unravel_index(by_place.argmax(), by_place.shape))
-    if others:
-        cause = cause.several(len(others) + 1)
-    extra, size = cause.at(np.zeros(0), (*others, number)), [*at.usual][scale]
-    return replace(score, log_evidence=log_evidence, scale=size, extra=extra, by_place=None)
+    density = density_of(at, base, at.usual, seen=[np.hstack((at.seen, wrong))])
+    by_version = density.log_density(at.residuals[:1].T)
+    (further,) = _at_best_place(at, base, placed, density, by_version, others)
+    return replace(further, log_evidence=further.log_evidence + price)
 
 
 def others_wrong(at: Linearised, placed: Placed, others: Place) -> tuple[Floats, float]:
@@ -400,9 +388,17 @@ def all_or_one(
 
 
 def _at_best_place(
-    at: Linearised, bases: Bases, placed: Placed, density: Gaussian, by_version: Floats
+    at: Linearised,
+    bases: Bases,
+    placed: Placed,
+    density: Gaussian,
+    by_version: Floats,
+    others: Place = (),
 ) -> list[Hypothesis]:
-    """Scores of an extra with each base, under their density: of each version (b, s, g, v)."""
+    """Scores of an extra with each base, under their density: of each version (b, s, g, v).
+
+    `others` are readings that are wrong as well.
+    """
     cause, places = placed.cause, len(placed.tried)
     sizes = 1
     if isinstance(cause, PatternCause):
@@ -417,6 +413,7 @@ def _at_best_place(
         by_scale = log_sum(log, 2)
         by_place[..., chosen] = log_sum(by_scale, 1)
         likeliest[..., chosen] = by_scale.argmax(axis=1)
+    by_place[..., list(others)] = -math.inf
     every = by_place.reshape(len(bases), -1)
     best, total = every.argmax(axis=1), log_sum(every, 1)
     shares = np.exp(every - total[:, None])
@@ -424,14 +421,13 @@ def _at_best_place(
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, places).sum(axis=1)
     shares.setflags(write=False)
-    effects = {number: placed.numbered(number) for number in {*best.tolist()}}
+    effects = {number: placed.numbered(number, others) for number in {*best.tolist()}}
     number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
+    total += np.where([bool(base) for base in bases], LOG_ALL, 0.0)
     rows = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
     return [
-        Hypothesis(
-            at, value + (LOG_ALL if base else 0.0), base, size, effects[number], by_place=share
-        )
+        Hypothesis(at, value, base, size, effects[number], by_place=None if others else share)
         for base, size, number, value, share in rows
     ]
 

@@ -615,8 +615,7 @@ def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, 
     Those of a cell below 0 stay. Without and with the pattern; None where no reading has another
     cell.
     """
-    blocks = [block[cells[block[:, 0]] >= 0] for block in left_out(before.white, (), cells)]
-    blocks = [block for block in blocks if len(block)]
+    blocks = [block for block in left_out(before.white, (), cells) if cells[block[0]] >= 0]
     if len(np.unique(cells)) < 2 or not any(rows[block].any() for block in blocks):
         return None
     errors = []

@@ -8,7 +8,7 @@ can differ count.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,12 +20,14 @@ from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.estimation.methods import fit_offsets
-from orthoglide_cal.inference.data import UNSEEN, Whitened, as_read
+from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
+from orthoglide_cal.inference.decision import MISFIT
 from orthoglide_cal.inference.fit import ENOUGH, Fit, HeldOut, left_out
 from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Ints, Plan, joined
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined
+from orthoglide_cal.schema import Reason
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
 MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
@@ -84,81 +86,78 @@ def expect(fit: Fit, model: Model, plan: Plan, stay: Plan | None = None) -> Expe
     return mean, slopes[:, :width], np.vstack((np.hstack((*columns, new)) @ root, root[:width]))
 
 
-def predict_later(
-    later: Whitened, fit: Fit, applied: Floats, free: int = 0, before: Machine | None = None
-) -> HeldOut:
-    """Predict readings taken after the controller was corrected.
+@dataclass(frozen=True, eq=False)
+class Later(ReadOnly):
+    """Readings that no fit has seen, and what was done to the machine before they were taken.
 
-    The offsets that remain are those found minus those applied; causes of the contact and the
+    The offsets that remain are those found minus those entered; causes of the contact and the
     record that belong to the first session alone are not expected again.
-
-    Args:
-        later, fit: the held-out data, and a fit to the first data only.
-        applied: offsets entered in between, shape (3,) [mm].
-        free: so many of the parameters, the first ones, are unknown again and fitted to the later
-            data; nothing else is. All of them where the machine was calibrated again.
-        before: the machine of the first data; None for the same as later.
     """
-    error, jacobian, shared = _errors(later, fit, applied, free, before)
-    jacobian = jacobian[:, :free]
-    white, by_parameter = whiten_shared(*(one / fit.sigma for one in (shared, error, jacobian)))
-    # What a fit to these errors leaves, of as many as it leaves free.
-    error, white = unexplained(jacobian, error), unexplained(by_parameter, white)
-    ratio = rms(white) * math.sqrt(error.size / max(error.size - free, 1))
-    return HeldOut(rms(error if later.root is None else later.root @ error), ratio)
 
+    white: Whitened
+    before: Machine  # as it was for the first readings
+    entered: Floats  # taken off the parameters in between, shape (p,) [mm]
+    # So many of the parameters, the first ones, are unknown again and fitted to these readings;
+    # nothing else is. All of them where the machine was calibrated again.
+    free: int = 0
 
-def chance_of_worse(
-    later: Whitened, fit: Fit, alone: Fit, applied: Floats, free: int, before: Machine
-) -> float:
-    """Chance that a fit predicts later data that much worse than one without its causes.
+    def held_out(self, fit: Fit) -> HeldOut:
+        """How well a fit to the first readings predicts these."""
+        error, jacobian, shared = self._errors(fit)
+        jacobian = jacobian[:, : self.free]
+        white, by_parameter = whiten_shared(*(one / fit.sigma for one in (shared, error, jacobian)))
+        # What a fit to these errors leaves, of as many as it leaves free.
+        error, white = unexplained(jacobian, error), unexplained(by_parameter, white)
+        ratio = rms(white) * math.sqrt(error.size / max(error.size - self.free, 1))
+        return HeldOut(rms(error if self.white.root is None else self.white.root @ error), ratio)
 
-    If it is right. The later data hold b times what it adds to their prediction, of which it says
-    1 ± its statement, and the fit `alone` 0: it is worse where b < 1/2, else the chance is 1.
-    Other arguments as of `predict_later`.
-    """
-    error, jacobian, shared = _errors(later, fit, applied, free, before)
-    added = _errors(later, alone, applied, free, before)[0] - error
-    values = (value / fit.sigma for value in (shared, error, added, jacobian[:, :free]))
-    *pair, by_parameter = whiten_shared(*values)
-    left, adds = unexplained(by_parameter, np.column_stack(pair)).T
-    size = float(np.linalg.norm(adds))
-    excess = float(left @ adds)  # (b − 1) size²
-    return float(ndtr(excess / size)) if excess < -0.5 * size**2 < 0.0 else 1.0
+    def refute(self, ids: Ids, fit: Fit, alone: Fit) -> Reason | None:
+        """How they refute the causes of a fit, `alone` is one without; None if they do not.
 
+        They hold b times what the causes add to their prediction, of which the fit says 1 ± its
+        statement, and the other one 0: it is worse where b < 1/2, and refuted if that is rare.
+        """
+        error, jacobian, shared = self._errors(fit)
+        added = self._errors(alone)[0] - error
+        values = (value / fit.sigma for value in (shared, error, added, jacobian[:, : self.free]))
+        *pair, by_parameter = whiten_shared(*values)
+        left, adds = unexplained(by_parameter, np.column_stack(pair)).T
+        size = float(np.linalg.norm(adds))
+        excess = float(left @ adds)  # (b − 1) size²
+        if not excess < -0.5 * size**2 < 0.0 or ndtr(excess / size) >= MISFIT:
+            return None
+        without, beside = (self.held_out(one).rms_mm for one in (alone, fit))
+        return Reason.of("refuted_later", ids=ids, without_mm=without, with_mm=beside)
 
-def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
-    """By how much the parameters that homing sets differ from what is expected later, (h,) [mm].
+    def moved_origin(self, fit: Fit) -> Floats | None:
+        """By how much the parameters that homing sets differ from what is expected, (h,) [mm].
 
-    None where nothing says that they do. Arguments as of `predict_later`.
-    """
-    homed = later.machine.homed
-    error, jacobian, shared = (part / fit.sigma for part in _errors(later, fit, applied))
-    error, by_origin = whiten_shared(shared, error, jacobian[:, :homed])
-    left = unexplained(by_origin, error)
-    if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
-        return None
-    return np.asarray(np.linalg.lstsq(by_origin, error)[0])
+        None where nothing says that they do.
+        """
+        homed = self.white.machine.homed
+        error, jacobian, shared = (part / fit.sigma for part in self._errors(fit))
+        error, by_origin = whiten_shared(shared, error, jacobian[:, :homed])
+        left = unexplained(by_origin, error)
+        if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
+            return None
+        return np.asarray(np.linalg.lstsq(by_origin, error)[0])
 
-
-def _errors(
-    later: Whitened, fit: Fit, applied: Floats, free: int = 0, before: Machine | None = None
-) -> tuple[Floats, Floats, Floats]:
-    """Errors (k,) of predicting later data, their derivatives by the parameters, (k, 3), and what
-    of them is uncertain in common, (k, u), all in mm. Arguments as of `predict_later`.
-    """
-    machine, problem = later.machine, later.problem
-    effects = tuple(effect.transferred(before or machine, machine) for effect in fit.effects)
-    offsets = fit.offsets - applied
-    if free == offsets.size:
-        lasting = [effect for effect in effects if effect.cause.lasting]
-        extended = replace(problem, model=problem.model.extended(lasting))
-        offsets = fit_offsets(extended, later.data).offsets_mm
-    then = replace(fit, start=offsets - fit.moved[: offsets.size], effects=effects)
-    mean, slopes, root = expect(then, problem.model, later.plan)
-    jacobian, (spread, known) = later.matrix @ slopes, np.split(root, [len(mean)])
-    shared = later.matrix @ spread - jacobian[:, :free] @ known[:free]
-    return later.data - later.matrix @ mean, jacobian, shared
+    def _errors(self, fit: Fit) -> tuple[Floats, Floats, Floats]:
+        """Errors (k,) of predicting them, their derivatives by the parameters, (k, 3), and what
+        of them is uncertain in common, (k, u), all in mm.
+        """
+        white, problem, free = self.white, self.white.problem, self.free
+        effects = tuple(effect.transferred(self.before, white.machine) for effect in fit.effects)
+        offsets = fit.offsets - self.entered
+        if free == offsets.size:
+            lasting = [effect for effect in effects if effect.cause.lasting]
+            extended = replace(problem, model=problem.model.extended(lasting))
+            offsets = fit_offsets(extended, white.data).offsets_mm
+        then = replace(fit, start=offsets - fit.moved[: offsets.size], effects=effects)
+        mean, slopes, root = expect(then, problem.model, white.plan)
+        jacobian, (spread, known) = white.matrix @ slopes, np.split(root, [len(mean)])
+        shared = white.matrix @ spread - jacobian[:, :free] @ known[:free]
+        return white.data - white.matrix @ mean, jacobian, shared
 
 
 def predict(
@@ -214,16 +213,10 @@ def predict(
 # --- by what needs no cause: an extension that predicts no better has shown nothing ------------
 
 
-def baselines(
-    white: Whitened, later: Whitened | None, entered: Floats, free: int
-) -> dict[str, float]:
+def baselines(white: Whitened, later: Later | None) -> dict[str, float]:
     """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike, where known.
 
-    Args:
-        white: the data.
-        later: other touches, to be predicted; None predicts each patch of the bed from the others.
-        entered: taken off the parameters in between, shape (6,) [mm, deg].
-        free: so many of the parameters, the first ones, are fitted to the later data.
+    `later` are other touches, to be predicted; None predicts each patch of the bed from the others.
     """
     offsets = fit_offsets(white.problem, white.data).offsets_mm
     place, left, jacobian, _ = _touches(white, offsets)
@@ -232,15 +225,16 @@ def baselines(
     enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
     if later is None:
         errors, number = [], np.cumsum(touch) - 1
-        for patch in (patch for patches in left_out(white) for patch in patches):
+        for patch in left_out(white):
             omitted = number[patch[touch[patch]]]
             rest = np.setdiff1d(np.arange(len(left)), omitted)
             if omitted.size and enough:
                 terms = np.linalg.lstsq(columns[rest], left[rest])[0]
                 errors.append(left[omitted] - columns[omitted] @ terms)
         return {"quartic_mm": rms(np.concatenate(errors))} if errors else {}
-    anew = free == offsets.size
-    there, error, then, _ = _touches(later, None if anew else offsets - entered)
+    free = later.free
+    known = None if free == offsets.size else offsets - later.entered
+    there, error, then, _ = _touches(later.white, known)
     mapped = unexplained(then[:, :free], error - _interpolated(place, left, there))
     held = {"earlier_map_mm": rms(mapped)}
     if enough:
@@ -251,15 +245,15 @@ def baselines(
     return held
 
 
-def repeats(white: Whitened, later: Whitened | None = None) -> float | None:
+def repeats(white: Whitened, later: Later | None = None) -> float | None:
     """Correlation of the residual maps of two dates, of more the smallest.
 
     What calibrated parameters leave of the touches of each date; None for few, or of one date.
     """
     maps = [
         (place[dated], left[dated], jacobian[dated])
-        for white_data in (white, later)
-        if white_data is not None and white_data.plan.touches.any()
+        for white_data in (white, *([later.white] if later else ()))
+        if white_data.plan.touches.any()
         for place, left, jacobian, date in (_touches(white_data),)
         for day in np.unique(date)
         for dated in (date == day,)

@@ -24,8 +24,7 @@ from orthoglide_cal.estimation.losses import (
     NEEDLESS_HOLD,
     is_dismissed,
 )
-from orthoglide_cal.inference.belief import probabilities
-from orthoglide_cal.inference.decision import state
+from orthoglide_cal.inference.decision import probabilities, state
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.words import MM_PER_INCH

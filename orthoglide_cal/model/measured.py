@@ -90,6 +90,7 @@ class Readings(ReadOnly):
     temperature: Floats = field(default_factory=lambda: read_only(()))  # °C; NaN where not given
     gauge: tuple[str, ...] = ()  # its label; "" where not given
     note: tuple[str, ...] = ()  # remark; "" where not given
+    timestamp: tuple[str, ...] = ()  # ISO 8601; "" where not given
     remarks: tuple[Reason, ...] = ()  # on the file: unknown columns, assumed times
 
     kind = DataKind.READINGS
@@ -100,7 +101,7 @@ class Readings(ReadOnly):
         nothing = {
             "cycle": np.ones(n, dtype=np.intp),
             "temperature": np.full(n, np.nan),
-            **dict.fromkeys(("posture", "gauge", "note"), ("",) * n),
+            **dict.fromkeys(("posture", "gauge", "note", "timestamp"), ("",) * n),
         }
         for name, values in nothing.items():
             if not len(getattr(self, name)):

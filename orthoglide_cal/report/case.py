@@ -30,8 +30,6 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-# Instead of "may be entered", where there is nothing to change.
-NOT_NEEDED = "Nothing to enter: the machine is calibrated within U"
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.READINGS: ("reading", ""),

@@ -19,9 +19,10 @@ from orthoglide_cal.files.text import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
-from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
+from orthoglide_cal.report.case import Case, check_words
 from orthoglide_cal.report.sentences import FIRMWARES
 from orthoglide_cal.results import Identity
+from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
@@ -48,7 +49,7 @@ def exported(format: str, case: Case, identity: Identity) -> str:
         f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
         *(["FORCED: this result must not be used."] if release.reasons else []),
         *map(case.says, release.reasons),
-        *([f"Note: {NOT_NEEDED}."] if release.settled else []),
+        *([f"Note: {case.says(Reason.of('nothing_to_enter'))}"] if release.settled else []),
         *(f"Note: {case.says(caution)}" for caution in release.cautions),
         *"\n".join(notes).split("\n"),
     ]

@@ -20,9 +20,11 @@ from orthoglide_cal.words import (
     capitalized,
     chance,
     counted,
+    coverage_words,
     listed,
     percent,
     plain,
+    short,
     signed,
     together,
     two_figures,
@@ -120,10 +122,18 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "capital": capitalized,
     "names": ", ".join,
     "listed": listed,
+    "unit": unit_words,
+    "coverage": coverage_words,
     "lengths": lambda values: ", ".join(f"{value:g}" for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
     "with": together,
+    "too": lambda titles: "".join(f" and {title}" for title in titles),
+    "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
+    # A cause, or those that look the same.
+    "alike": lambda rows: " or ".join(
+        f"{id}{',' * (len(rows) < 2)} {percent(share, 1)}" for id, share in rows
+    ),
     "causes": lambda ids: " and ".join(ids) or "this",
     # The first two answers of several, and how many others there are.
     "either": lambda answers: ", ".join(
@@ -133,6 +143,8 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "values": lambda rows: ", ".join(f"{name} {value:+.1f} {of}" for name, value, of in rows),
     "two": two_figures,
     "p": chance,
+    "postures": lambda moved: ", ".join(f"{short(mm, 3)} mm" for mm in moved),
+    "whole_percent": lambda share: percent(share or 0.0),
     "percent": lambda share: percent(share, 1),
     "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "sizes": lambda rows: ", ".join(

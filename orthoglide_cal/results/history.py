@@ -30,12 +30,12 @@ from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
-from orthoglide_cal.inference.decision import Decision, state
-from orthoglide_cal.inference.diagnose import decided, refuted_later
+from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
+from orthoglide_cal.inference.diagnose import decided
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Entered, Machine, Origin
@@ -137,18 +137,19 @@ class _Session:
     def __init__(self, given: Input, last: Model) -> None:
         require_settings(given.measured)
         self.given, self.last, self.path = given, last.machine, given.measured.source.path
-        self.white = white = Whitened.of(given.measured, last.judging(given.model))
+        model = last.judging(given.model)
+        self.white = white = Whitened.of(given.measured, model)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
-        self.alone = self.belief.fit(())
+        self.belief = Decision(at, {(): Hypothesis(at, 0.0)}, {})
+        self.alone = self.belief.fit_of(())
         self.width = self.alone.offsets.size  # parameters of the machine
         self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
         self.decision: Decision | None = None
         self.refuted: Reason | None = None  # how what would be named here was refuted
         noise, dof = white.machine.instrument.noise_mm, len(white) - self.width
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
-            solve(given.measured, white.problem.model)  # refuses what is out of all proportion
-            self.decision = decided(given.measured, white.problem.model)
+            solve(given.measured, model)  # refuses what is out of all proportion
+            self.decision = decided(given.measured, model)
 
     def conclude(self, later: "_Session | None") -> None:
         """Take over what was decided; a name only if a later session does not refute it.
@@ -160,8 +161,9 @@ class _Session:
             wrong = {*other.accepted, *other.ambiguous_with} if other else set()
             known = other is None or other.verdict is not Verdict.UNEXPLAINED
             if known and wrong <= {*decision.accepted}:
-                fits = decision.carried, decision.belief.fit(())
-                refuted = refuted_later(decision, later.white, *fits, self.width)
+                fits = decision.carried, decision.fit_of(())
+                unseen = Later(later.white, self.white.machine, np.zeros(self.width), self.width)
+                refuted = unseen.refute(decision.accepted, *fits)
                 decision = replace(decision, refuted=refuted)
         if decision and decision.refuted:
             data = {**decision.refuted.data, "of_file": PurePath(self.path).name}
@@ -171,7 +173,7 @@ class _Session:
             moved = values - self.alone.offsets
             self.unexplained = spread + np.outer(moved, moved)
         elif decision:
-            self.belief = decision.belief
+            self.belief = decision
         # Set of lasting causes → probabilities of the explanations with it.
         self.by_lasting: dict[Ids, dict[Ids, float]] = {}
         for ids, probability in self.belief.listed.items():
@@ -198,7 +200,7 @@ class _Session:
         """
         shares = self.by_lasting[standing]
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
-        fits = [*map(self.belief.fit, kept)]
+        fits = [*map(self.belief.fit_of, kept)]
         if causes:
             fits = [_fit_with(causes, self.belief.hypotheses[ids], scale) for ids in kept]
         weights = np.array([*kept.values()]) / sum(kept.values())

@@ -63,6 +63,7 @@ NORMAL_DOF = 500.0
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
     *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
+    "sensitivity",
 )
 
 
@@ -200,7 +201,7 @@ def answer_to(
         deviations_rms=_of_deviations(rows),
         budget=lines,
         total=total,
-        converged=True,  # what does not is refused
+        converged=solution.converged,
         residuals=()
         if shown_alone and not details
         else tuple(_residuals(measured, solution, diagnosis)),
@@ -220,7 +221,6 @@ def answer_to(
         shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
-        sensitivity=dict(diagnosis.sensitivity) or None,
     )
 
 
@@ -433,13 +433,13 @@ def release(
     following: NextMeasurement | None = None,
     corrects: Collection[str] = (),
 ) -> Release:
-    """Decide whether the solution's offsets may be entered, by what it is and by the diagnosis.
+    """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
     prevents it only if it moves the offsets by more than their uncertainty.
 
     Args:
-        solution: of the offsets alone, with the accepted causes.
+        solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data.
         following: what would distinguish the explanations that it leaves open; None without.
         corrects: as of `answer_to`.
@@ -496,8 +496,11 @@ def _left_over(
 
 
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
-    """Objections to the size and the readings of a solution, each with what to do."""
+    """Objections of the solution's own check, each with what to do."""
     machine = solution.model.machine
+    if not solution.converged:
+        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
+        return
     sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
     rows = zip(sizes, offsets, machine.plausible, strict=True)
     if beyond := [row for row in rows if abs(row[1]) > row[2]]:

@@ -31,7 +31,7 @@ from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import State
 from orthoglide_cal.session.gauges import Token
-from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.journal import Journal, create, decode
 from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
 from orthoglide_cal.words import decimals_for, signed, with_uncertainty
 
@@ -322,8 +322,9 @@ def open_adjustments(
     cells, at, machine = _cells(adjustments), clock(), machine_text(given.model)
     begun = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     planned = events.Planned(at=at, readings=cells, following=following)
-    journal = Journal.resume(target) if resume else Journal.create(target, begun, planned)
-    opened.callback(journal.close)
+    if not resume:
+        create(target, begun, planned)
+    journal = Journal.resume(target, opened)
     state = events.replay(journal.events)
     _check_same(state, following, adjustments, target)
     asker.gauge = asker.gauge or serial_gauge(state.source, opened)

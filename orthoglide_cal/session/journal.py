@@ -10,9 +10,9 @@ import json
 import os
 import re
 import zlib
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
-from io import BytesIO
+from io import BytesIO, FileIO
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -33,6 +33,15 @@ def encode(event: Event, checksum: int = 0) -> tuple[bytes, int]:
     return b'{"crc32":"%08x","record":%s}\n' % (checksum, body), checksum
 
 
+def create(path: Path, *events: Event) -> None:
+    """Write a new journal of these records, all or none. Raises UsageError if the file exists."""
+    data, checksum = b"", 0
+    for event in events:
+        line, checksum = encode(event, checksum)
+        data += line
+    write_text(path, data)
+
+
 @dataclass(eq=False)
 class Journal:
     """A journal as it was read; `resume` opens and locks it against every other session."""
@@ -47,24 +56,14 @@ class Journal:
     _descriptor: int = -1
 
     @classmethod
-    def create(cls, path: Path, *events: Event) -> "Journal":
-        """A new journal of these records, all or none. Raises UsageError if the file exists."""
-        data, checksum = b"", 0
-        for event in events:
-            line, checksum = encode(event, checksum)
-            data += line
-        write_text(path, data)
-        return cls.resume(path)
-
-    @classmethod
-    def resume(cls, path: Path) -> "Journal":
-        """The journal in `path`, to be continued.
+    def resume(cls, path: Path, opened: ExitStack) -> "Journal":
+        """The journal in `path`, to be continued; its lock ends with what is `opened`.
 
         Raises UsageError: there is none, or another session is using it; InputError: it cannot be
         read, or is damaged.
         """
         try:
-            descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+            file = opened.enter_context(FileIO(path, "r+"))
         except FileNotFoundError as error:
             fault = f"There is no unfinished session in {path}."
             raise UsageError(fault, "Leave out --resume to begin one.") from error
@@ -74,19 +73,14 @@ class Journal:
                 "Check the folder and its permissions.",
                 file=str(path),
             ) from error
-        try:
-            try:  # the system releases it when the process ends, however
-                SYSTEM.lock(descriptor)
-            except OSError as error:
-                raise UsageError(
-                    f"{path} is in use by another session that is still running.",
-                    "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
-                ) from error
-            with open(descriptor, "rb", closefd=False) as file:
-                return replace(decode(file.read(), path), _descriptor=descriptor)
-        except BaseException:
-            os.close(descriptor)
-            raise
+        try:  # the system releases it when the process ends, however
+            SYSTEM.lock(file.fileno())
+        except OSError as error:
+            raise UsageError(
+                f"{path} is in use by another session that is still running.",
+                "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
+            ) from error
+        return replace(decode(file.read(), path), _descriptor=file.fileno())
 
     def append(self, event: Event) -> None:
         """Put a record on the disk; returns when it is safe.
@@ -122,10 +116,6 @@ class Journal:
             ) from error
         self._size = self._file_size = self._size + len(line)
         self._checksum, self._end = checksum, b""
-
-    def close(self) -> None:
-        """Let go of the file and its lock."""
-        os.close(self._descriptor)
 
 
 def decode(data: bytes, path: str | Path) -> Journal:

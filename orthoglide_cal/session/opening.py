@@ -42,7 +42,7 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.journal import Journal, create, decode
 from orthoglide_cal.session.readings import PriorReadings, Setting
 from orthoglide_cal.words import Unit, counted
 
@@ -64,7 +64,7 @@ class Request:
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
     otherwise: Callable[[], Model] = machine_file.default_machine  # where no file names one
-    keeper: Model | None = None  # whose file keeps what is entered, for what continues data
+    keeper: machine_file.StoredMachine | None = None  # of what is entered, where data continue
     following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
     protocol: MeasuringProtocol | None = None
@@ -99,9 +99,9 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     standing = opened.enter_context(closing(Standing(request.follow))) if request.follow else None
     asker.gauge = serial_gauge(request.source, opened)
     target = path.with_suffix(JOURNAL)
-    first = () if request.resume else _first_records(request, asker)
-    journal = Journal.create(target, *first) if first else Journal.resume(target)
-    opened.callback(journal.close)
+    if not request.resume:
+        create(target, *_first_records(request, asker))
+    journal = Journal.resume(target, opened)
     state = events.replay(journal.events)
     setting = setting_in(journal, state)
     source = request.source or state.source
@@ -290,8 +290,8 @@ def _recommended(
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.machine.active + first.left_entered
-    if keeper is not None and not machine_file.differing(keeper, first.model):
-        offsets = np.array(keeper.machine.active)
+    if keeper is not None and not machine_file.differing(keeper.model, first.model):
+        offsets = np.array(keeper.model.machine.active)
     return first, options, first.model.holding(tuple(offsets.round(9).tolist()))
 
 
@@ -452,10 +452,9 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
     if path.exists() or not journal.exists():
         fault = f"There is no unfinished session {path}: nothing is discarded."
         raise UsageError(fault, "See what is in this folder: orthocal")
-    with suppress(InputError):
-        opened = Journal.resume(journal)
-        readings = counted(len(events.replay(opened.events).accepted), "reading")
-        opened.close()
+    with suppress(InputError), ExitStack() as opened:
+        records = Journal.resume(journal, opened).events
+        readings = counted(len(events.replay(records).accepted), "reading")
     aside = free_path(path.parent, path.stem, ".discarded")
     fate = f"It will be kept as {aside}\nand cannot be resumed. Give it up?"
     if not agrees(f"{journal} holds {readings}.\n{fate}"):

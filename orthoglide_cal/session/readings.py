@@ -22,13 +22,12 @@ from orthoglide_cal.files.readings import (
     Conditions,
     GaugeIdentity,
     Session,
-    reading_rows,
     readings_of,
     row_at,
+    session_of_readings,
 )
 from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
@@ -64,7 +63,6 @@ class PriorReadings:
         self.data, self.model, self.conditions = data, given.model, given.conditions
         self.readings, self.plan = given.measured, given.measured.plan
         self.repeats = Counter(planned_readings(self.plan))
-        self._is_session = given.is_session
         # Offsets in the controller at the end, less those at the beginning, (3,) [mm]: a carriage
         # that was commanded short was so for its readings alone.
         self.left_entered: Floats = self.plan.stood[self.plan.in_time[-1]]
@@ -72,13 +70,9 @@ class PriorReadings:
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
-        rows = reading_rows(self.readings)
-        entries = load_tree(self.data).value["readings"] if self._is_session else [{}] * len(rows)
-        for index, (row, entry) in enumerate(zip(rows, entries, strict=True)):
-            # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
-            note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
-            rows[index] = row.changed(timestamp=entry.get("timestamp"), note=note)
-        return [rows[index] for index in self.plan.in_time.tolist()]
+        rows = session_of_readings(self.readings, self.model, {}).readings
+        # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
+        return [row.changed(note=re.sub(r" \(r [0-9]+\)", "", row.note or "")) for row in rows]
 
     @property
     def environment(self) -> dict[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
-from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.journal import create, decode
 from orthoglide_cal.session.opening import session_file
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
@@ -109,7 +109,7 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
         Path("machine.yaml").write_text(plain)
         done("apply", "one.yaml", "--yes")
         begun = opened(source=("simulated",), seed=1)
-        Journal.create(Path("practice.journal"), begun, taken(1, 0.1)).close()
+        create(Path("practice.journal"), begun, taken(1, 0.1))
         first, second, third = re.findall("orthocal .*(?=\n)", done().partition("Next")[2])
         assert first == "orthocal measure"
         assert session_file(None, Path(), resume=False) == Path("session.yaml")

@@ -6,6 +6,7 @@ A common size, log odds, and a p value judged by losses are what no other test s
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from orthoglide_cal.estimation.accuracy import Scatter, unit_covariance
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
 from orthoglide_cal.estimation.losses import is_likely, surprising
-from orthoglide_cal.estimation.methods import OPTIMAL, Method
+from orthoglide_cal.estimation.methods import OPTIMAL
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
@@ -63,17 +64,22 @@ SOLVED: list[tuple[Measured, str]] = [
 def test_it_is_an_optimum_by_the_problem_that_it_holds(data: Measured, method: str) -> None:
     solution = solve(data, NOMINAL, method)
     assert solution.model is NOMINAL
-    gauge = NOMINAL.machine.instrument
-    predicted, jacobian = solution.problem.at_zero
-    left = solution.data - predicted - jacobian @ solution.offsets_mm
-    if not solution.method.linear:
-        predicted, jacobian = solution.problem.predict_with_jacobian(solution.offsets_mm)
-        left = solution.data - predicted
-    assert solution.residuals_mm == pytest.approx(left, abs=1e-9)
-    # What is left is at right angles to all that offsets can do; "single-sequential" has its own.
-    if solution.method is not Method.SINGLE_SEQUENTIAL:
-        step, *_ = np.linalg.lstsq(jacobian, left)
-        assert np.linalg.norm(jacobian @ step) <= OPTIMAL * gauge.noise_mm
+    assert solution.converged
+    # From moved offsets a step is left that leads back, by as much as they were moved.
+    for size, axis in product((2.0 * OPTIMAL, -0.1), np.eye(3)):
+        step = size * solution.budget.std_mm * axis
+        assert not replace(solution, offsets_mm=solution.offsets_mm + step).converged
+
+
+def test_other_data_or_another_machine_are_noticed() -> None:
+    for method in ("readings", "six-linear"):
+        solution = solve(DOUBLE_SESSION, NOMINAL, method)
+        shifted = solution.data + 0.001 * np.arange(len(solution.data))
+        assert not replace(solution, data=shifted).converged
+        assert not replace(solution, problem=replace(solution.problem, model=BENT)).converged
+    # Offsets that no machine can have are no optimum.
+    impossible = np.array([1e4, 0.0, 0.0])
+    assert not replace(solve(DOUBLE_SESSION, NOMINAL), offsets_mm=impossible).converged
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision, state
+from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit
 from orthoglide_cal.schema import Reason
@@ -26,8 +25,8 @@ from tests.inference.sessions import known
 
 
 @cache
-def session() -> Belief:
-    return Belief.about(Whitened.of(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))))
+def session() -> Decision:
+    return Decision.about(Whitened.of(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))))
 
 
 BEYOND = {"returning": "repeats leg x", "passing": "settles leg x"}
@@ -39,12 +38,12 @@ def decision(misfit: float = 0.0, likelier: float = 99.0, **shares: float) -> De
     Every explanation leaves residuals of `misfit` standard deviations. Where it fits best, one with
     more causes makes the data `likelier` times as likely.
     """
-    at, fit = session().at, session().fit(())
+    at, fit = session().at, session().fit_of(())
     left = np.full(len(at.white), misfit * at.noise.stated)
     made, fits, patterns = {}, {}, {}
     for name, share in {"nothing": 1e-12, "returning": 1e-300, **shares}.items():
         if name in BEYOND:
-            pattern = session().patterns[BEYOND[name]]
+            pattern = session().patterned[BEYOND[name]]
             patterns[pattern.label] = replace(pattern, log_evidence=log(share) - pattern.log_prior)
             continue
         ids = () if name == "nothing" else tuple(sorted(name.split("_and_")))
@@ -54,7 +53,7 @@ def decision(misfit: float = 0.0, likelier: float = 99.0, **shares: float) -> De
         # No unknown follows what is left.
         leaves = {"linear": left, "columns": 0.0 * fit.columns, "log_positive": likelihood}
         fits[ids] = replace(fit, log_evidence=evidence, **leaves)
-    return Decision(Belief(at, made, patterns, fits))
+    return Decision(at, made, patterns, fits)
 
 
 def said(found: Decision) -> str:
@@ -111,9 +110,9 @@ def test_explanations_of_one_remedy_are_one_answer() -> None:
     """A reading is wrong, by a turn or by any other amount; a knock asks for more."""
 
     def asking(*ids: str, **shares: float) -> Decision:
-        belief = decision(**shares).belief
-        again = {(id,): Again(**vars(belief.hypotheses[id,])) for id in ids}
-        return Decision(replace(belief, hypotheses={**belief.hypotheses, **again}))
+        made = decision(**shares)
+        again = {(id,): Again(**vars(made.hypotheses[id,])) for id in ids}
+        return replace(made, hypotheses={**made.hypotheses, **again})
 
     assert said(decision(misread=0.35, axis_gap=0.25)) == "ambiguous misread or axis_gap"
     slips = "gauge_slip", "misread"

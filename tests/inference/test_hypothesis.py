@@ -14,8 +14,8 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
@@ -35,9 +35,9 @@ Ids = tuple[str, ...]
 
 
 @cache
-def drawn(hidden: Ids, gauge: truth.Gauge = truth.DIAL) -> tuple[Evidence, Belief]:
+def drawn(hidden: Ids, gauge: truth.Gauge = truth.DIAL) -> tuple[Evidence, Decision]:
     session = truth.make_session(3, truth.PROTOTYPE, gauge, hidden)
-    return Evidence(session), Belief.about(Whitened.of(*known(session)))
+    return Evidence(session), Decision.about(Whitened.of(*known(session)))
 
 
 @pytest.mark.parametrize("line", refusals(Path(__file__).with_name("explained.txt")))
@@ -47,7 +47,7 @@ def test_evidence_is_that_of_another_forward_model(line: str) -> None:
     other, found = drawn(hidden)
     expected = other.integrated(list(other.cases(ids)))
     assert found.hypotheses[ids].log_evidence == pytest.approx(expected, abs=0.05)
-    assert found.fit(ids).log_evidence == pytest.approx(expected, abs=0.05)
+    assert found.fit_of(ids).log_evidence == pytest.approx(expected, abs=0.05)
 
 
 def test_widths_of_lost_motion_are_not_negative() -> None:
@@ -57,7 +57,7 @@ def test_widths_of_lost_motion_are_not_negative() -> None:
     expected = other.integrated(cases)
     free = other.integrated([replace(case, positive=0) for case in cases])
     assert expected - free == pytest.approx(np.log(8.0), abs=0.1)
-    assert found.fit(("backlash",)).log_evidence == pytest.approx(expected, abs=0.1)
+    assert found.fit_of(("backlash",)).log_evidence == pytest.approx(expected, abs=0.1)
 
 
 def test_evidence_of_what_is_not_listed() -> None:
@@ -67,7 +67,7 @@ def test_evidence_of_what_is_not_listed() -> None:
     """
     other, found = drawn(())
     for label, cases in other.patterns().items():
-        log = found.patterns[label].log_evidence
+        log = found.patterned[label].log_evidence
         assert log == pytest.approx(other.integrated(cases), abs=0.2), label
 
 
@@ -88,7 +88,7 @@ def test_evidence_is_that_of_dynesty(ids: Ids) -> None:
     other, found = drawn(ids, gauge)
     expected, error = other.sampled(list(other.cases(ids)), seed=1, live=200)
     assert error < 0.3
-    assert found.fit(ids).log_evidence == pytest.approx(expected, abs=5.0 * error + 0.05)
+    assert found.fit_of(ids).log_evidence == pytest.approx(expected, abs=5.0 * error + 0.05)
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_offsets_and_parameters_are_those_of_another_forward_model(ids: Ids) -> 
     Values to 0.05 standard deviations, and these to 1 %.
     """
     other, found = drawn(ids)
-    fit = found.fit(ids)
+    fit = found.fit_of(ids)
     case = max(other.cases(ids), key=lambda case: other.integrated([case]))
     mean, covariance = other.estimated(case, fit.sigma)
     std, end = np.sqrt(np.diag(covariance)), 3
@@ -237,14 +237,14 @@ def test_leaving_a_cell_out_is_refitting_without_it(hidden: str, seed: int, rel:
     """A wrong reading is not held against the model: it stays where its size takes it up."""
     readings, model = known(truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (hidden,)))
     white = Whitened.of(readings, model)
-    found = Belief.about(white)
-    accepted = found.fit((hidden,))
+    found = Decision.about(white)
+    accepted = found.fit_of((hidden,))
     wrong = accepted.wrong_readings
     assert len(wrong) == (hidden == "misread")
     # Readings of each (leg, direction, posture).
     cells = [np.setdiff1d(cell, wrong) for cell in groups(white.plan.cells)]
     assert len(cells) == 18
-    for fit in (found.fit(()), accepted):
+    for fit in (found.fit_of(()), accepted):
         errors, scaled = [], []
         for error, covariance in refits(white, fit, cells):
             errors.append(error)

@@ -17,7 +17,7 @@ from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.prediction import predict_later
+from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning import best_next
@@ -327,7 +327,7 @@ def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_state
         white, later = (Whitened.of(one.measured, one.model) for one in map(given, days))
         at = Linearised.of(white, Candidates(causes, (), (), {}))
         fit = fit_hypothesis(Hypothesis(at, 0.0, causes))
-        squares.append(predict_later(later, fit, np.zeros(6), free=6).ratio ** 2)
+        squares.append(Later(later, later.machine, np.zeros(6), 6).held_out(fit).ratio ** 2)
     assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
 
 

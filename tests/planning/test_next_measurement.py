@@ -8,8 +8,8 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
-from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.model import synthetic_session
@@ -87,16 +87,16 @@ def test_aliases_are_those_of_the_data_set(cause: str, rival: str) -> None:
             assert following.separation_sigma > 5.0
 
 
-def assessed(readings: Readings) -> Belief:
-    return Belief.about(Whitened.of(readings, MODEL))
+def assessed(readings: Readings) -> Decision:
+    return Decision.about(Whitened.of(readings, MODEL))
 
 
-def log_odds(found: Belief, first: str, second: str) -> float:
+def log_odds(found: Decision, first: str, second: str) -> float:
     """With the gauge's stated noise: a rival that fits badly cannot call the gauge worse."""
     stated = NoiseGrid(np.array([MACHINE.gauge.noise_mm]), np.zeros(1))
     logs = []
     for cause in (first, second):
-        fit = found.fit((cause,))
+        fit = found.fit_of((cause,))
         density = Gaussian(fit.columns, fit.sizes[None], stated)
         logs.append(float(density.by_noise(fit.linear)[0, 0]))
     return logs[0] - logs[1]
@@ -120,7 +120,7 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     plan = joined(LIMITS, following.plan)
     gained = []
     for true, other in ((cause, rival), (rival, cause)):
-        fit = before.fit((true,))
+        fit = before.fit_of((true,))
         rng = np.random.default_rng(8)
         later = synthetic_session(MODEL.extended(fit.effects), plan, fit.offsets, rng)
         value = np.concatenate((readings.value, later.value[len(readings) :]))
@@ -205,8 +205,8 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
     """
     session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("backlash",), exact=True)
     readings, model = known(session)
-    found = Belief.about(Whitened.of(readings, model))
-    fits = [found.fit(("backlash",)), found.fit(())]
+    found = Decision.about(Whitened.of(readings, model))
+    fits = [found.fit_of(("backlash",)), found.fit_of(())]
     theta = fits[0].effects[0].theta
     motion = replace(session.effects[0], parameters=(*theta[:3], *-theta[3:]))
     lost, none = state_with(fits[0].offsets, [motion]), state_with(fits[1].offsets, ())

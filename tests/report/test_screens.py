@@ -129,9 +129,14 @@ def test_what_is_undecided_adds_up(number: int) -> None:
     assert sum(shares) == 100
     assert shares[:3] == sorted(shares[:3], reverse=True)
     patterns = [each.probability for each in case.answer.explanations if each.pattern]
-    assert ("something that is not on the list, such as a deviation (" in title) == bool(patterns)
+    unlisted = "something that is not on the list, such as a repeating deviation ("
+    assert (unlisted in title) == bool(patterns)
     head = next(k for k, line in enumerate(lines) if "r.m.s. left" in line)
     assert lines[head + 1].startswith("  offsets only ")
+    fitted = [state for state in case.answer.explanations if state.parameters]
+    alike = tuple(state.changed(probability=0.337) for state in fitted[:2])
+    said = headline(replace(case, answer=case.answer.changed(explanations=alike)))
+    assert re.findall(r"(\d+) %", said) == ["34", "34", "32"]
 
 
 def test_a_headline_says_what_looks_the_same() -> None:

@@ -13,7 +13,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report.documents.history import history_document
-from orthoglide_cal.results.history import History, compare, moment_of
+from orthoglide_cal.results.history import History, _Session, compare, moment_of
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.inference.sessions import given as touched
@@ -227,3 +227,9 @@ def test_dates_with_other_stored_arms_agree_on_the_same_machine(tmp_path: Path) 
         dates.append(read_input(str(file)))
     before, after = ([p.value for p in date.parameters] for date in compare(dates).sessions)
     assert before == pytest.approx(after, abs=1e-3)
+
+
+def test_rates_on_an_assumed_clock_are_widened_once():
+    timed = touched(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",)))
+    dated = _Session(replace(timed, measured=replace(timed.measured, timed=False)), timed.model)
+    assert dated.decision.white.machine == dated.white.machine != timed.model.machine

@@ -3,7 +3,6 @@
 import contextlib
 import re
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -122,8 +121,8 @@ def test_until_ends_early_with_the_closing_posture(
             step = dialogue.so_far.left[0]
             yield f"{right[step.number - 1]:.2f}"
 
-    dialogue, _, journal = a_dialogue(tmp_path / "s.journal", answers(), until=until)
-    with closing(journal):
+    dialogue, _, stack = a_dialogue(tmp_path / "s.journal", answers(), until=until)
+    with stack:
         state = dialogue.run()
     assert set(state.dropped.values()) == {state.ended.reason}
     assert len(state.dropped) >= least
@@ -221,14 +220,14 @@ def test_hostile_lines_at_every_kind_of_prompt(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     for _ in range(6):
         lines = [words[int(rng.integers(len(words)))] for _ in range(60)]
-        dialogue, screen, journal = a_dialogue(path, lines)
-        with closing(journal):
+        dialogue, screen, stack = a_dialogue(path, lines)
+        with stack:
             if dialogue.state.ended is not None:
                 break
             with contextlib.suppress(EOFError, Quit):
                 dialogue.run()
-        again, _, journal = a_dialogue(path, [])
-        journal.close()
+        again, _, stack = a_dialogue(path, [])
+        stack.close()
         assert again.state == dialogue.state
         assert max(len(line) for line in screen.text.splitlines()) < 80
         assert all(c.isprintable() or c == "\n" for c in screen.text)
@@ -328,8 +327,8 @@ def test_s_all_ends_the_session_only_after_yes(tmp_path: Path, answer: str) -> N
 
 
 def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
-    dialogue, _, journal = a_dialogue(path, lines, first=opened(cycles=1))
-    with closing(journal):
+    dialogue, _, stack = a_dialogue(path, lines, first=opened(cycles=1))
+    with stack:
         dialogue.agreed = agreed
         dialogue.run()
         dialogue.publish()
@@ -368,8 +367,8 @@ def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: 
     """The stands were moved since: leg X again, and leg Y, to which they come back."""
     path = tmp_path / "s.journal"
     answered(path, [*RIGHT[:9], "s cable", *RIGHT[10:25]])
-    dialogue, screen, journal = a_dialogue(path, [])
-    with closing(journal):
+    dialogue, screen, stack = a_dialogue(path, [])
+    with stack:
         dialogue.agreed = True
         dialogue.offer_again()
     (retake,) = [e for e in events_of(path) if isinstance(e, Retake)]

@@ -3,7 +3,7 @@
 import errno
 import itertools
 import os
-from contextlib import closing
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -31,7 +31,7 @@ from orthoglide_cal.session.events import (
     advance,
     replay,
 )
-from orthoglide_cal.session.journal import Journal, decode, encode
+from orthoglide_cal.session.journal import Journal, create, decode, encode
 
 from .virtual import AT, opened, questioned, random_events, taken
 
@@ -143,7 +143,8 @@ def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Pat
     path = tmp_path / "s.journal"
     for cut in (ends[2], ends[2] + 1, ends[3] - 2, ends[3] - 1, ends[3]):
         path.write_bytes(data[:cut])
-        with closing(Journal.resume(path)) as journal:
+        with ExitStack() as stack:
+            journal = Journal.resume(path, stack)
             kept = list(journal.events)
             assert path.read_bytes() == data[:cut]  # looking at it changes nothing
             journal.append(Noted(at=AT, step=1, text="after"))
@@ -161,7 +162,7 @@ def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     path.write_text("precious")
     with pytest.raises(UsageError, match="exists"):
-        Journal.create(path, opened())
+        create(path, opened())
     assert path.read_text() == "precious"
 
 
@@ -169,8 +170,9 @@ def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:
 def test_a_full_disk_loses_nothing_that_was_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
 ) -> None:
-    path = tmp_path / "s.journal"
-    journal = Journal.create(path, opened())
+    path, stack = tmp_path / "s.journal", ExitStack()
+    create(path, opened())
+    journal = Journal.resume(path, stack)
     journal.append(taken(1, 0.1))
     before = path.read_bytes()
     real = os.write
@@ -191,14 +193,16 @@ def test_a_full_disk_loses_nothing_that_was_there(
     assert path.read_bytes() == before
     monkeypatch.undo()
     journal.append(taken(2, 0.2))  # space was made: it goes on
-    journal.close()
+    stack.close()
     assert replay(decode(path.read_bytes(), "j").events).accepted.keys() == {1, 2}
 
 
 @pytest.mark.parametrize("what", ["removed", "replaced", "longer", "shorter"])
 def test_a_journal_that_is_taken_away_stops_the_session(tmp_path: Path, what: str) -> None:
     path = tmp_path / "s.journal"
-    with closing(Journal.create(path, opened())) as journal:
+    create(path, opened())
+    with ExitStack() as stack:
+        journal = Journal.resume(path, stack)
         journal.append(taken(1, 0.1))
         whole = path.read_bytes()
         left = {"replaced": b"other", "longer": whole + b"x", "shorter": whole[:-20]}.get(what)

@@ -16,7 +16,7 @@ from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Opened, replay
 from orthoglide_cal.session.gauges import SimulatedGauge
-from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.journal import create, decode
 
 from .virtual import (
     DOUBLE,
@@ -89,7 +89,7 @@ def killed_once(
     def run() -> None:
         gauge, first = simulated(protocol, cycles)
         if not path.exists():
-            Journal.create(path, first).close()
+            create(path, first)
         journal_module.os = deadly(phase)  # type: ignore[attr-defined]
         steps: list[int] = []
 
@@ -100,8 +100,9 @@ def killed_once(
                 if len(steps) == 2 and phase == "acknowledged":
                     die()
 
-        dialogue, _, _ = a_dialogue(path, repeat(""), gauge=gauge, show=shown)
-        dialogue.run()
+        dialogue, _, stack = a_dialogue(path, repeat(""), gauge=gauge, show=shown)
+        with stack:
+            dialogue.run()
 
     process = get_context("fork").Process(target=run)
     process.start()
@@ -139,8 +140,8 @@ def test_killed_at_every_step(
     steps = len(steps_of(protocol, cycles))
     assert runs >= steps // 2
     gauge, _ = simulated(protocol, cycles)
-    dialogue, _, journal = a_dialogue(path, [], gauge=gauge)
-    journal.close()
+    dialogue, _, stack = a_dialogue(path, [], gauge=gauge)
+    stack.close()
     assert dialogue.state.ended is not None
     assert len(dialogue.state.accepted) == steps
     assert result(dialogue) == expected

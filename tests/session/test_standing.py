@@ -71,10 +71,10 @@ def followed(
     path: Path, server: Rsh, *lines: str, later: dict[str, str] | None = None
 ) -> tuple[Dialogue, Screen]:
     """A session that follows the server, answered by these lines."""
-    dialogue, screen, journal = a_dialogue(path / "s.journal", lines)
+    dialogue, screen, stack = a_dialogue(path / "s.journal", lines)
     dialogue.standing = Standing(server.address)
     server.said |= later or {}
-    with closing(journal), closing(dialogue.standing), pytest.raises(Quit):
+    with stack, closing(dialogue.standing), pytest.raises(Quit):
         dialogue.run()
     return dialogue, screen
 

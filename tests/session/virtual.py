@@ -36,7 +36,7 @@ from orthoglide_cal.session.events import (
     replay,
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.journal import Journal, create
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
@@ -216,22 +216,27 @@ def a_dialogue(
     unit: Unit = Unit.MM,
     until: float | None = None,
     show: Show | None = None,
-) -> tuple[Dialogue, Screen, Journal]:
-    """A session in `path` (a journal; resumed if it exists) that is answered by these lines."""
-    journal = Journal.resume(path) if path.exists() else Journal.create(path, first or opened())
+) -> tuple[Dialogue, Screen, contextlib.ExitStack]:
+    """A session in `path` (a journal; resumed if it exists) that is answered by these lines.
+
+    The last is what closes its journal.
+    """
+    if not path.exists():
+        create(path, first or opened())
+    journal = Journal.resume(path, stack := contextlib.ExitStack())
     begun = journal.events[0]
     steps = sequence(PROTOTYPE, begun.protocol, begun.cycles, begun.order, begun.stands)
     screen = Screen()
     asker = Asker(Script(lines), show or screen, gauge)
     file = path.with_suffix(".yaml")
     dialogue = Dialogue(file, journal, setting_of(steps), asker, a_clock(), unit, until)
-    return dialogue, screen, journal
+    return dialogue, screen, stack
 
 
 def answered(path: Path, lines: Iterable[str], **options: object) -> tuple[Dialogue, Screen]:
     """A dialogue that went on until the lines or the session ended, and what it showed."""
-    dialogue, screen, journal = a_dialogue(path, lines, **options)  # type: ignore[arg-type]
-    with contextlib.closing(journal), contextlib.suppress(EOFError, Quit):
+    dialogue, screen, stack = a_dialogue(path, lines, **options)  # type: ignore[arg-type]
+    with stack, contextlib.suppress(EOFError, Quit):
         dialogue.run()
     return dialogue, screen
 

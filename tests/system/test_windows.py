@@ -5,14 +5,14 @@ import io
 import os
 import sys
 from collections import deque
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from orthoglide_cal import system
-from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.journal import Journal, create
 from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.system import posix
 from tests.session.virtual import answered, opened
@@ -106,13 +106,14 @@ def test_a_journal_is_locked_far_behind_its_end(
     msvcrt = Msvcrt()
     system = windows(monkeypatch, msvcrt)
     monkeypatch.setattr("orthoglide_cal.session.journal.SYSTEM", system)
-    path = tmp_path / "s.journal"
-    journal = Journal.create(path, opened())
+    path, stack = tmp_path / "s.journal", ExitStack()
+    create(path, opened())
+    Journal.resume(path, stack)
     ((_, byte),) = msvcrt.locked
     assert byte > 1_000_000_000 > path.stat().st_size
     with pytest.raises(UsageError, match="in use by another session"):
-        Journal.resume(path)
-    journal.close()
+        Journal.resume(path, stack)
+    stack.close()
     msvcrt.locked.clear()  # as closing does
     dialogue, _ = answered(path, ["-0.64"])
     assert list(dialogue.state.accepted) == [1]

@@ -18,11 +18,10 @@ from orthoglide_cal.inference import Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import DataKind, Differences, weighing
+from orthoglide_cal.model.measured import DataKind, Readings, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
-    NOT_NEEDED,
     Case,
     check_words,
     comparison_words,
@@ -36,7 +35,7 @@ from orthoglide_cal.report.documents.pictures import (
     differences_figure,
     residual_blocks,
 )
-from orthoglide_cal.report.sentences import SOURCES, label_words, pattern_name, pattern_words
+from orthoglide_cal.report.sentences import SOURCES, label_words, pattern_name
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
 from orthoglide_cal.schema import Reason
@@ -54,7 +53,6 @@ from orthoglide_cal.words import (
     together,
     two_figures,
     typed,
-    uncapitalized,
     unit_words,
 )
 
@@ -125,7 +123,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide.
 
     Where a screen has too few lines, what they mean gives way, then, of what must not be entered,
-    all steps but the first.
+    notes and all steps but the first.
     """
     answer, release = case.answer, case.answer.release
     enter = release.usable and release.needed
@@ -157,7 +155,8 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
         both = doc.Section(None, *first), doc.Section(None, *second)
         return replace(begun, sections=[*both, last])
 
-    return fitting(page, meaning, largest, others, lines=_SOLVED - answer.simulated)
+    spare = [] if release.usable else notes
+    return fitting(page, meaning, largest, spare, others, lines=_SOLVED - answer.simulated)
 
 
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
@@ -248,97 +247,82 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
 
     `diagnosed`: below the verdict on the model, unless not the model is wrong, but the numbers.
     """
-    answer, release, many = case.answer, case.answer.release, case.words.many
-    judged, cautions = answer.judgement, release.cautions
-    tone, title, reasons = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
-    lines = []
-    if not answer.parameters:
-        title = "There is no result"
-        if reasons[0].code == "settings_unknown":
-            title, reasons = case.says(reasons[0]).rstrip("."), reasons[1:]
-    elif release.settled:
-        title, reasons = NOT_NEEDED, cautions
-        if judged and judged.code == "residuals_unusual":
-            reasons = (judged, *cautions)
-        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
-        size = size_words(*max(known, key=lambda row: abs(row[0]) / row[1]))
-        lines = [f"Largest change {size}; the differences would not become smaller."]
-    elif release.usable:
-        title = f"The {many} may be entered{', with care' if cautions else ''}"
-        reasons = cautions or tuple(filter(None, [judged]))
-    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
-        tone = doc.Tone.OPEN
+    answer, release, says = case.answer, case.answer.release, case.says
+    judged, cautions, worst = answer.judgement, release.cautions, answer.validity.reservations
+    tone, lines, reasons = doc.Tone.BAD, list[str](), [*release.reasons]
+    title = says(Reason.of("not_to_enter" if answer.parameters else "no_result"))
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
-    else:
-        worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
-        reasons = (*reasons, *(e for e in worst if e not in reasons))
+        title = says(Reason.of("to_enter_with_care" if cautions else "to_enter"))
+        reasons = [*cautions] or [*filter(None, [judged])]
+    elif reasons[0].code == "settings_unknown":
+        title = says(reasons.pop(0)).rstrip(".")
+    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        tone = doc.Tone.OPEN
+    if release.settled:
+        title = says(Reason.of("nothing_to_enter")).rstrip(".")
+        unusual = judged is not None and judged.code == "residuals_unusual"
+        reasons = [*filter(None, [judged] * unusual), *cautions]
+        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
+        size = size_words(*max(known, key=lambda row: abs(row[0]) / row[1]))
+        lines = [says(Reason.of("largest_change", size=size))]
+    if not release.usable:
+        reasons += [e for e in worst if e.code in INVALIDATING and e not in reasons]
     if diagnosed and (release.usable or answer.verdict not in (None, Verdict.CONSISTENT)):
         lines.insert(0, f"{title}.")
         if meant := next((e for e in reasons if e.code in _MEANT and release.sound), None):
             u = {p.unit: p.expanded for p in sorted(answer.parameters, key=attrgetter("expanded"))}
-            lines[0] = case.says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
+            lines[0] = says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
         # The headline says them.
-        said = (meant, answer.refuted, answer.judgement)
-        title, reasons = headline(case), tuple(e for e in reasons if e not in said)
-    about = [answer.machine.name, input_words(case.given)]
-    if case.method is not None:
-        about.append(f"method {case.method}")
-    lines += map(case.says, reasons)
+        title, headed = headline(case), (meant, answer.refuted, judged)
+        reasons = [reason for reason in reasons if reason not in headed]
+    lines += map(says, reasons)
     # Why released parameters may be worthless.
     if worthless := next((e for e in cautions if e.code in INVALIDATING), None):
-        first = case.says(worthless)
+        first = says(worthless)
         lines = [f"{title.rstrip('.')}.", *(line for line in lines if line != first)]
         title = first.rstrip(".")
+    method = f"method {case.method}" if case.method is not None else None
+    about = filter(None, (answer.machine.name, input_words(case.given), method))
     return doc.Notice(tone, title, tuple(lines), ", ".join(about))
 
 
 def headline(case: Case) -> str:
     """The verdict in one sentence."""
     answer, judged = case.answer, case.answer.judgement
+    code = "consistent"
     if answer.verdict is Verdict.NAMED:
         return _named(case)
     if answer.verdict is Verdict.AMBIGUOUS:
-        return f"Undecided: {_shares(answer)}"
-    if answer.refuted is not None:
-        return f"Unexplained: {case.says(answer.refuted)}"
-    if answer.verdict is not Verdict.CONSISTENT:
-        if answer.beyond:
-            text = "; ".join(pattern_words(case.machine, pattern) for pattern in answer.beyond)
-            return f"Not on the list: {text}."
-        far = [f"{one.id} at {one.times:.0f} times its size" for one in answer.beyond_tolerance]
-        only = f"only {' or '.join(far)} would explain what these readings show"
-        return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
-    unfit = judged is not None and judged.code == "residuals_too_large"
-    text = uncapitalized(case.says(judged)) if judged else "the model fits."
-    return f"{'No cause found' if unfit else 'Consistent'}: {text}"
+        code = "undecided_between"
+    elif answer.refuted is not None:
+        code = "best_refuted"
+    elif answer.verdict is not Verdict.CONSISTENT:
+        far = "only_beyond_size" if answer.beyond_tolerance else "none_explains"
+        code = "not_on_list" if answer.beyond else far
+    elif judged is not None and judged.code == "residuals_too_large":
+        code = "no_cause_found"
+    return case.says(Reason.of(code, answer=answer, shares=_shares(answer)))
 
 
 def _named(case: Case) -> str:
     """The causes that were found, or the shape that is left, and what looks the same."""
-    answer, ids = case.answer, [cause.id for cause in case.answer.causes]
-    share, flat = percent(answer.causes[0].probability, 1), case.given.measured
-    titles, shapes = [], []
-    for cause in answer.causes:
-        # Of readings of one plane nothing tells what makes their shape.
-        if cause.id == case.machine.shape and not isinstance(flat, Differences) and flat.plan.flat:
-            shapes.append(f"A smooth shape is left ({1e3 * cause.adds_mm:.0f} µm)")
-        else:
-            titles.append(case.title_of(cause.id, len(cause.parameters)))
-    if shapes:
-        return f"{' and '.join((*shapes, *titles))}: {' and '.join(ids)}, {share}"
-    if len(ids) > 1:
-        return f"Causes found: {' and '.join(ids)} ({share})"
-    # What looks the same to these readings, such as a stand that was knocked before the last.
-    (cause,) = answer.causes
-    alike = [
-        f"{state.ids[0]} {percent(state.probability, 1)}"
-        for state in answer.explanations
-        if len(state.ids) == 1 and state.ids[0] in cause.aliases
-        if 2.0 * state.probability > cause.probability
+    (first, *others), measured = case.answer.causes, case.given.measured
+    # Of readings of one plane nothing tells what makes their shape.
+    flat = isinstance(measured, Readings) and measured.plan.flat
+    shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
+    titles = [case.title_of(c.id, len(c.parameters)) for c in (first, *others) if c is not shape]
+    # What looks the same, such as a stand that was knocked before the last reading.
+    alike = [(first.id, first.probability)] + [
+        (state.ids[0], state.probability)
+        for state in case.answer.explanations
+        if len(state.ids) == 1 and state.ids[0] in first.aliases
+        if 2.0 * state.probability > first.probability
     ]
-    sure = " or ".join((f"{cause.id} {share}", *alike)) if alike else f"{cause.id}, {share}"
-    return f"Cause found: {titles[0]} ({sure})"
+    code = "shape_left" if shape else "causes_named" if others else "cause_named"
+    ids = [cause.id for cause in case.answer.causes]
+    data = {"ids": ids, "probability": first.probability, "titles": titles, "alike": alike}
+    return case.says(Reason.of(code, **data, shape=shape))
 
 
 def _shares(answer: Answer) -> str:

@@ -70,7 +70,7 @@ def calibration_document(
             "identity": identity.model_dump(mode="json"),
             "machine": machine_values(case.given.model),
             "conditions": {
-                **vars(given),
+                **{name: value for name, value in given if name != "schema_version"},
                 "environment": dict(given.environment),
                 "gauges": [gauge.model_dump(mode="json") for gauge in answer.validity.gauges],
                 "notes": [{"line": line, "note": note} for line, note in given.notes],

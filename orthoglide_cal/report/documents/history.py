@@ -18,6 +18,7 @@ from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.history import History
+from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -113,13 +114,9 @@ def _notice(history: History) -> doc.Notice:
         stories = " or ".join(_STORIES[trend] for trend in history.ambiguous_with)
         lines.append(f"{stories[0].upper()}{stories[1:]} is also possible.")
     if limit := history.limit:
-        when = "no drift is established"
-        if limit.scatter_exceeds:
-            when = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
-        elif limit.parameter is not None:
-            when = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
-            when += " best values are entered now"
-        lines.append(f"Limit {limit.limit_mm:g} mm: {when}.")
+        code = "limit_reached" if limit.parameter else "no_drift_to_limit"
+        code = "scatter_exceeds" if limit.scatter_exceeds else code
+        lines.append(sentence(Reason.of(code, limit=limit)))
     title += f" ({percent(min(history.probability, 0.9999), 1)})"
     refuted = [session.refuted for session in history.sessions if session.refuted]
     if refuted:

@@ -37,12 +37,11 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
 from orthoglide_cal.report.sentences import sentence
+from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     listed,
     percent,
-    short,
-    together,
     two_figures,
     unit_words,
 )
@@ -214,8 +213,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
         if plan.target.reached:
             tone, title = doc.Tone.GOOD, f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
         else:
-            why = f"It needs more than {MOST_CYCLES} cycles, because the readings scatter: take a"
-            why += " finer gauge or a better stand."
+            why = sentence(Reason.of("too_many_cycles", most=MOST_CYCLES))
             if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
                 remedy = source_words(plan.floor.largest.source, machine)[1]
                 why = f"{_stays(plan, plan.floor)} {remedy}"
@@ -330,28 +328,16 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
             numbers = [*map(str, sizes), f"{effort.minutes:.0f}"]
         rows.append((way.protocol, way.method, *numbers))
     head = ("protocol", "method", "cycles", "readings", "moves", "min")
-    caption = (
-        f"Effort for ± {two_figures(plan.chosen.worst_mm)} mm. Moves: how often a stand is moved. A"
-        " single gauge stays at one end of the leg as long as it can (--order fewest-moves)."
-    )
+    caption = sentence(Reason.of("ways", worst_mm=plan.chosen.worst_mm))
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
 
 
 def _design(best: BestDesign, typed: str) -> doc.Section:
     """The fewest readings, and what to type for them."""
-    postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
-    text: tuple[doc.Line, ...] = (
-        f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
-        " the leg from the carriage.",
-        (
-            f"{best.readings} readings in about {best.minutes:.0f} min give"
-            f" ± {two_figures(best.worst_mm)} mm: ",
-            doc.typed(typed),
-        ),
-        f"What is given up: {GIVES_UP}.",
-    )
-    return doc.Section("The fewest readings", *text)
+    codes = "design_postures", "design_gives", "design_gives_up"
+    where, gives, lacks = (sentence(Reason.of(code, best=best, lacks=GIVES_UP)) for code in codes)
+    return doc.Section("The fewest readings", where, (gives, doc.typed(typed)), lacks)
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
@@ -365,8 +351,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         shown = (doc.doubtful(text) if size < _DISTINCT_SIGMA else text for text, size in cells)
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
     heads = ("", "–", *letters[: len(names) - 1])
-    caption = f"Distance in σ; –: from a sound machine; {_MOST_SIGMA}: or more. Distinct?"
-    caption += " Below 1: no; below 2: hardly; below 4: mostly; else yes."
+    caption = sentence(Reason.of("distances", most=_MOST_SIGMA))
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if rows:
         blocks = [doc.Grid(heads, rows, caption=caption)]
@@ -376,12 +361,6 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     title = "Which causes can be distinguished"
     title += f" by {MOST_COMPARED} cycles" if plan.cycles > MOST_COMPARED else ""
     return doc.Section(title, *blocks)
-
-
-def _between(measurement: NextMeasurement) -> tuple[str, str]:
-    """The two explanations that it distinguishes, in words."""
-    first, second = map(together, measurement.between)
-    return first, second
 
 
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
@@ -401,20 +380,17 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     if plan.target is not None:
         wanted = plan.target.expanded_mm
         # The quickest way to the U that was asked for, with the data that there are.
-        able = [option for option in plan.next if _worst(option) <= wanted]
-        when = "is reached by none of these."
-        if now is not None and now <= wanted:
-            when = "is reached already."
-        elif able:
-            quickest = min(able, key=attrgetter("minutes"))
-            when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {sentence(quickest.what)}"
-        worth.append(f"± {wanted:g} mm {when}")
+        able = (option for option in plan.next if _worst(option) <= wanted)
+        quickest = min(able, key=attrgetter("minutes"), default=None)
+        code = "reached_by_none" if quickest is None else "reached_by"
+        code = "reached_already" if now is not None and now <= wanted else code
+        minutes_to = max(quickest.minutes, 1.0) if quickest else 0.0
+        data = {"u_mm": wanted, "quickest": quickest, "minutes": minutes_to}
+        worth.append(sentence(Reason.of(code, **data)))
     tone, title = doc.Tone.INFO, f"Next: {minutes}"
     if best.between:
-        first, second = _between(best)
         title += f" give one answer (probability {percent(best.chance)})"
-        settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
-        worth.insert(0, settled)
+        worth.insert(0, sentence(Reason.of("distinguishes", best=best)))
     elif release.usable:
         tone, title = doc.Tone.GOOD, needless
         may = f"Nothing is undecided. {decision_notice(begun).title}."
@@ -436,11 +412,5 @@ def _next_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if plan.now_mm is not None:
         blank = [""] * (len(heads) - 2)
         rows.insert(0, (*blank, two_figures(plan.now_mm), "nothing: U as it is"))
-    meaning = "No reading can decide more. Ranked by the reduction of U"
-    meaning += " per minute; half an hour is added for the session."
-    if plan.next[0].between:
-        first, second = _between(plan.next[0])
-        meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
-        meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
-        meaning += " readings, in standard deviations."
-    return doc.Grid(heads, rows, words, meaning)
+    code = "ranked_by_time" if plan.next[0].between else "ranked_by_u"
+    return doc.Grid(heads, rows, words, sentence(Reason.of(code, best=plan.next[0])))

@@ -24,17 +24,14 @@ from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Identity
-from orthoglide_cal.results.verification import Coefficient, Conformity, Outcome, Verification
+from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
-    chance,
-    coverage_words,
     difference_decimals,
     entered_decimals,
     plain,
     signed,
-    unit_words,
     with_uncertainty,
 )
 
@@ -103,12 +100,21 @@ def verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    if result.corrected:
-        lines.append(_corrected(result))
+    done = []
+    for id, by in result.corrected.items():
+        code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
+        done.append(says(Reason.of(code, id=id, by=by, unit=CAUSES[id].unit)))
+    if done:
+        lines.append(" ".join(done))
     if result.response and result.answer:
         lines.append(_answer(result, result.response, result.answer))
     if result.decision:
-        lines.append(_decision(result, result.decision))
+        rows, limit_mm = result.differences, result.decision.limit_mm
+        largest = max(rows, key=lambda row: abs(row.after_mm))
+        data = {"made": result.decision, "largest": largest, "after_mm": abs(largest.after_mm)}
+        lines.append(says(Reason.of("limit_judged", **data)))
+        if any(row.expanded_mm > limit_mm for row in rows):
+            lines[-1] = " ".join((lines[-1], says(Reason.of("limit_below_u"))))
     if result.remains:
         lines.append(says(result.remains))
     tone = doc.Tone.GOOD if result.kept else doc.Tone.BAD
@@ -188,16 +194,6 @@ def verification_steps(result: Verification, *, brief: bool = False) -> Iterator
             yield doc.Instruction("Nothing more: keep this report with the machine.")
 
 
-def _corrected(result: Verification) -> str:
-    """What is corrected since the first measurement, by a screw or the controller."""
-    causes = []
-    for id, values in result.corrected.items():
-        verb = "Adjusted:" if CAUSES[id].adjustable else "The controller now corrects"
-        sizes = ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items())
-        causes.append(f"{verb} {id} {sizes} {unit_words(CAUSES[id].unit)}.")
-    return " ".join(causes)
-
-
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
     """How the machine responded, in one sentence."""
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
@@ -239,19 +235,6 @@ def _decimals(result: Verification) -> int:
     """Decimals of joint offsets: those of what was applied, and of what is known of the rest."""
     left = (row.left_expanded for row in result.parameters.values())
     return entered_decimals(left, result.applied_mm.values())
-
-
-def _decision(result: Verification, made: Conformity) -> str:
-    """The decision about the limit in one sentence."""
-    largest = max(result.differences, key=lambda row: abs(row.after_mm))
-    never = ""
-    if any(row.expanded_mm > made.limit_mm for row in result.differences):
-        never = " Nothing can pass: U exceeds the limit. Take more cycles."
-    return (
-        f"{made.outcome.capitalize()}: limit {made.limit_mm:g} mm, largest deviation"
-        f" {plain(abs(largest.after_mm), 3)} ± {plain(largest.expanded_mm, 3)} mm"
-        f" ({largest.difference}; U with {coverage_words(made.coverage_factor)}, 95 %).{never}"
-    )
 
 
 def parameters_left(result: Verification) -> doc.Section:
@@ -321,12 +304,5 @@ def _response(result: Verification) -> Iterator[doc.Block]:
     }
     yield doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
     if change := result.other_change:
-        size = f"{1000 * change.rms_mm:.0f} µm per difference"
-        noise = f"noise alone gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
-        if change.found:
-            yield (
-                f"Something else changed that no offset explains: {size}; {noise}"
-                " Was the stand moved, a leg or rail adjusted, or another gauge used?"
-            )
-        else:
-            yield f"Nothing else changed: {size}; {noise}"
+        code = "other_change" if change.found else "no_other_change"
+        yield _says(result)(Reason.of(code, change=change))
