@@ -77,12 +77,12 @@ replace("rank_measurements", ranked, "planning.next_measurement", "planning", "s
 # Of the layouts of a printer there are some dozens.
 apart = once(PLAN.separations, 200)
 replace("separations", apart, "planning.plan")
-# A plan that goes on from no data is a pure function of the machine and of what is wanted.
+# A plan that goes on from no data is a pure function of the session.
 new_plan, plan = PLAN.measurement_plan, once(PLAN.measurement_plan)
 replace(
     "measurement_plan",
-    lambda model, wanted, following=(), *details: (new_plan if following else plan)(
-        model, wanted, following, *details
+    lambda chosen, target_mm=None, following=(), *details: (new_plan if following else plan)(
+        chosen, target_mm, following, *details
     ),
     "planning.plan",
 )

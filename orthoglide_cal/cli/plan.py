@@ -51,15 +51,9 @@ def plan(
     from orthoglide_cal.files.probe_readings import places_csv
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning import rank_measurements
-    from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
+    from orthoglide_cal.planning.plan import chosen_session, measurement_plan
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
-    from orthoglide_cal.planning.steps import (
-        MeasuringProtocol,
-        Order,
-        require_on_bar,
-        sequence,
-        sequence_options,
-    )
+    from orthoglide_cal.planning.steps import Order, Session, require_on_bar
     from orthoglide_cal.report.documents.plan import plan_document
 
     if target is not None and cycles is not None:
@@ -69,14 +63,14 @@ def plan(
         raise UsageError(
             "--template, --approach and --travel need --program.", "Name its file: --program FILE"
         )
-    wanted = Wanted(
-        common.measuring_protocol(protocol, design), cycles, gauges or 2, target, layout
-    )
+    asked = common.measuring_protocol(protocol, design), cycles, order and Order(order), gauges
+    session = Session.asked_for(*asked) if any(asked) else None
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.usual_machine(machine)
+    with common.working(file or "A plan"):
+        chosen = chosen_session(model, session, target, layout)
     if program is not None:
-        chosen = chosen_session(model, wanted)
-        guided = chosen.name in list(MeasuringProtocol)  # no layout
+        guided = (session := chosen.session) is not None  # no layout
         if json or html or overwrite or (given and guided):
             fault = "--program writes nothing but the posture program."
             raise UsageError(fault, "Leave out --json, --html, --overwrite and FILE.")
@@ -84,7 +78,7 @@ def plan(
         if str(program) != "-" and program.suffix.lower() not in ends:
             remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * guided}."
             raise UsageError(f"The name {program} does not say what to write.", remedy)
-        if not guided:
+        if session is None:
             if moves != (None,) * 4:
                 fault = "A printer's places are written as a table."
                 raise UsageError(fault, "Leave these options out.")
@@ -101,10 +95,8 @@ def plan(
         careful = require_on_bar(chosen.plan, model.machine)
         if careful is not None:
             common.tell(str(careful))
-        turn = Order(order or "paper")
-        session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
-        typed = command("measure", machine=machine, options=sequence_options(*session))
-        steps = sequence(model.machine, *session)
+        typed = command("measure", machine=machine, options=session.options)
+        steps = session.steps(model.machine)
         driven = posture_program(model, steps, typed, approach or APPROACH_MM, travel)
         write_program(driven, program, template)
         return
@@ -112,7 +104,7 @@ def plan(
     with common.working(file or "A plan"):
         diagnosis = diagnose(given.measured, model) if given else None
         ranked = rank_measurements(diagnosis) if diagnosis else ()
-        planned = measurement_plan(model, wanted, ranked, full)
+        planned = measurement_plan(chosen, target, ranked, full)
     begun = common.judged(given, diagnosed=diagnosis) if given else None
     document = plan_document(planned, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)

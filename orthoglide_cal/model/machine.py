@@ -174,8 +174,6 @@ class Layout(NamedTuple):
     what: str  # in words
     plan: Plan
     minutes: float  # that it takes
-    cycles: int = 1  # repeats of its postures
-    gauge_moves: int = 0  # how often a stand is put to another place
 
 
 class Bed(NamedTuple):

@@ -53,9 +53,8 @@ from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
     Order,
+    Session,
     clock,
-    sequence,
-    sequence_options,
     steps_of,
     timed_plan,
 )
@@ -89,11 +88,10 @@ def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
     for cycles in ALONE:
-        session = (protocol, cycles, Order.PAPER, 2)
-        plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
+        session = Session(protocol, cycles)
+        plan, minutes = timed_plan(session.steps(machine), MINUTES_PER_SETUP)
         task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
-        typed = sequence_options(*session)
-        yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)
+        yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=session.options)
 
 
 def _later(first: Plan, plan: PlanT) -> PlanT:

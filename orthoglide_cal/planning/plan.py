@@ -14,8 +14,8 @@ from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any, Literal, NamedTuple, Self
+from functools import cached_property, lru_cache, partial
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -39,13 +39,11 @@ from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import TRACE_SIGMA, separations
 from orthoglide_cal.planning.steps import (
-    CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
-    design_of,
+    Session,
     gauge_moves,
-    sequence,
     timed_plan,
 )
 from orthoglide_cal.schema import Minutes, Schema
@@ -83,17 +81,19 @@ class SessionForecast(Schema):
 
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
-    method: Method = Field(Method.READINGS, exclude=True)  # by which its readings are solved
-    name: str = Field(serialization_alias="layout")
+    session: Session | None = Field(None, exclude=True)  # None for a layout
+    name: str = Field(serialization_alias="layout")  # of a session its protocol
     what: str
-    cycles: int
-    gauge_moves: int
+    method: Method = Method.READINGS  # by which its readings are solved
+    cycles: int = 1  # repeats of its postures
+    gauge_moves: int = 0  # how often a stand is put to another place
     minutes: Minutes
+    gauge_at: float | None = None  # along the leg; None for a layout, or for several places
+    postures_mm: tuple[float, ...] = ()  # displacements, in their order
 
     @classmethod
-    def of(cls, model: Model, session: Layout, **more: object) -> Self:
-        """Forecast a session; `more` as of this class, or of a subclass."""
-        return cls(model=model, **session._asdict(), **more)
+    def of(cls, model: Model, layout: Layout) -> "SessionForecast":
+        return cls(model=model, **layout._asdict())
 
     @computed_field
     @property
@@ -213,49 +213,38 @@ def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
 
 # The same sessions are asked for by number of cycles, by target and by comparison.
 @lru_cache(maxsize=128)
-def session_of(
-    model: Model,
-    protocol: MeasuringProtocol,
-    cycles: int,
-    stands: int = 2,
-    order: Order = Order.PAPER,
-) -> Layout:
-    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
-    steps = sequence(model.machine, protocol, cycles, order, stands)
-    plan, minutes = timed_plan(steps)
-    words = f"{protocol}, {counted(cycles, 'cycle')}"
-    return Layout(protocol, words, plan, minutes, cycles, gauge_moves(steps))
-
-
-@lru_cache(maxsize=128)
 def forecast(
-    model: Model,
-    protocol: MeasuringProtocol,
-    cycles: int,
-    method: Method = Method.READINGS,
-    stands: int = 2,
-    order: Order = Order.PAPER,
+    model: Model, session: Session = Session(), method: Method = Method.READINGS
 ) -> SessionForecast:
-    """Forecast a `session_of` a protocol by a method that its readings can feed."""
-    session = session_of(model, protocol, cycles, stands, order)
-    return SessionForecast.of(model, session, method=method)
+    """Forecast a session, as `measure` guides it, by a method that its readings can feed."""
+    steps = session.steps(model.machine)
+    plan, minutes = timed_plan(steps)
+    places = {step.cell.gauge_at for step in steps}
+    return SessionForecast(
+        model=model,
+        plan=plan,
+        session=session,
+        name=session.protocol,
+        what=f"{session.protocol}, {counted(session.cycles, 'cycle')}",
+        method=method,
+        cycles=session.cycles,
+        gauge_moves=gauge_moves(steps),
+        minutes=minutes,
+        gauge_at=places.pop() if len(places) == 1 else None,
+        postures_mm=tuple(dict.fromkeys(step.cell.displacement for step in steps)),
+    )
 
 
 def fewest_cycles(
-    model: Model,
-    protocol: MeasuringProtocol,
-    method: Method,
-    stands: int,
-    wanted_mm: float,
-    order: Order = Order.PAPER,
+    model: Model, session: Session, wanted_mm: float, method: Method = Method.READINGS
 ) -> SessionForecast | None:
-    """The shortest session that leaves no U larger than wanted; None if `MOST_CYCLES` do not.
+    """The shortest session of this kind that leaves no U larger than wanted.
 
-    Other arguments as of `forecast`.
+    None if `MOST_CYCLES` do not.
     """
 
     def at(cycles: int) -> SessionForecast:
-        return forecast(model, protocol, cycles, method, stands, order)
+        return forecast(model, session._replace(cycles=cycles), method)
 
     # More cycles never leave a larger U.
     numbers = range(1, MOST_CYCLES + 1)
@@ -264,34 +253,6 @@ def fewest_cycles(
 
 
 # --- the plan ---------------------------------------------------------------------------------
-
-
-class Wanted(NamedTuple):
-    """A wish what to measure; None where nothing is said."""
-
-    protocol: MeasuringProtocol | None = None
-    cycles: int | None = None
-    stands: int = 2
-    target_mm: float | None = None  # U that every offset is to reach, in place of `cycles`
-    layout: str | None = None  # name of one of the machine's
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """A way to measure besides the one that was asked for."""
-
-    protocol: MeasuringProtocol
-    method: Method
-    # With the fewest cycles that make no U larger than the session's largest, and the fewest moves
-    # of a gauge; None if no number of cycles does.
-    same_expanded: SessionForecast | None
-
-
-class BestDesign(SessionForecast):
-    """The best session that is known: the fewest readings, or what distinguishes rivals."""
-
-    gauge_at: float | None = None  # along the leg
-    postures_mm: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -340,50 +301,49 @@ class MeasurementPlan(Schema):
     # What no number of readings reduces, its largest source, and the cycles that stand for any
     # number; None for nothing, or for a layout.
     limits: Mapping[str, object]
-    compare: tuple[Alternative, ...] = ()  # every protocol with every method, for the same U
+    # Every protocol with every method, with the fewest cycles that make no U larger than the
+    # largest of the session, and the fewest moves of a gauge; without those that never do.
+    compare: tuple[SessionForecast, ...] = ()
     # What its readings, or those of `MOST_COMPARED` cycles, can distinguish; nearest first.
     separation: tuple[Pair, ...]
     invisible: tuple[str, ...]  # causes that leave no trace
     trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
-    design: BestDesign | None  # None where nothing is to be gained
+    # The fewest readings, or what distinguishes rivals; None where nothing is to be gained.
+    design: SessionForecast | None
     next: tuple[NextMeasurement, ...] = ()  # in addition to existing data, best first
 
 
 def measurement_plan(
-    model: Model, wanted: Wanted, following: tuple[NextMeasurement, ...] = (), details: bool = True
+    chosen: SessionForecast,
+    target_mm: float | None = None,
+    following: tuple[NextMeasurement, ...] = (),
+    details: bool = True,
 ) -> MeasurementPlan:
-    """Forecast the session that is wanted, and other ways to measure.
+    """The plan of the session that was chosen, perhaps for a U to reach, and other ways to measure.
 
     `following` is what to measure in addition to existing data, best first. Without `details` only
     the best design is compared with the session.
 
-    Raises:
-        UsageError: the machine has no such session.
-        UnusableResultError: such readings will not determine the parameters.
+    Raises UnusableResultError: such readings will not determine the parameters.
     """
-    machine, stands, compare = model.machine, wanted.stands, tuple[Alternative, ...]()
-    chosen, (shown, design) = chosen_session(model, wanted), _offered(model)
-    floor, most, plan = chosen.floor, None, chosen.plan
-    if not shown:
-        protocol, best, most = MeasuringProtocol(chosen.name), MeasuringProtocol.BEST, MOST_CYCLES
-        numbers = sorted({*SHOWN_CYCLES, chosen.cycles})
-        shown = tuple(forecast(model, protocol, n, stands=stands) for n in numbers)
-        floor = forecast(model, protocol, most, stands=stands).floor
-        plan = session_of(model, protocol, min(chosen.cycles, MOST_COMPARED), stands).plan
-        worst_mm, fewest = chosen.worst_mm * (1.0 + ROUNDING), Order.FEWEST_MOVES
-        compare = tuple(
-            Alternative(way, method, fewest_cycles(model, way, method, stands, worst_mm, fewest))
-            for way in (METHODS if details else [best])
-            for method in METHODS[way]
-        )
+    model, session, floor, plan = chosen.model, chosen.session, chosen.floor, chosen.plan
+    machine, compare, (shown, design) = model.machine, list[SessionForecast](), _offered(model)
+    if session is not None:
+        numbers = sorted({*SHOWN_CYCLES, session.cycles})
+        shown = tuple(forecast(model, session._replace(cycles=n)) for n in numbers)
+        floor = forecast(model, session._replace(cycles=MOST_CYCLES)).floor
+        compared = session._replace(cycles=min(session.cycles, MOST_COMPARED))
+        plan, worst_mm = forecast(model, compared).plan, chosen.worst_mm * (1.0 + ROUNDING)
+        best = session._replace(protocol=MeasuringProtocol.BEST, order=Order.FEWEST_MOVES)
         # For the same U; with as many cycles where no number reaches it.
-        as_sure, (postures, gauge_at) = compare[-1].same_expanded, design_of(machine)
-        session = session_of(model, best, (as_sure or chosen).cycles, stands, fewest)
-        design = BestDesign.of(model, session, gauge_at=gauge_at, postures_mm=postures)
+        design = fewest_cycles(model, best, worst_mm) or forecast(model, best)
+        for protocol, methods in METHODS.items() if details else ():
+            fewest = partial(fewest_cycles, model, best._replace(protocol=protocol), worst_mm)
+            compare += filter(None, map(fewest, methods))
     target = None
-    if wanted.target_mm is not None:
-        reached = chosen.worst_mm <= wanted.target_mm
-        target = Target(wanted.target_mm, reached, chosen.cycles if reached else None)
+    if target_mm is not None:
+        reached = chosen.worst_mm <= target_mm
+        target = Target(target_mm, reached, chosen.cycles if reached else None)
     (pairs, trace), (lines, total) = separations(model, plan), budget_lines(chosen.budget)
     size = float(np.sqrt(np.mean(machine.linearization_points**2)))
     return MeasurementPlan(
@@ -393,7 +353,7 @@ def measurement_plan(
         bar_warning=machine.bar_warning(chosen.plan),
         machine=machine.name,
         protocol=chosen.name,
-        gauges=None if most is None else stands,
+        gauges=session and session.stands,
         cycles=chosen.cycles,
         target=target,
         by_cycles=shown,
@@ -404,9 +364,9 @@ def measurement_plan(
         limits={
             "expanded_mm": floor and lengths(model, floor.expanded_mm.tolist()),
             "source": floor and floor.largest.source,
-            "cycles": most,
+            "cycles": session and MOST_CYCLES,
         },
-        compare=compare if details else (),
+        compare=tuple(compare),
         separation=tuple(Pair(causes=ids, sigma=sigma) for ids, sigma in pairs.items()),
         invisible=tuple(id for id, sigma in trace.items() if sigma < TRACE_SIGMA),
         trace={id: sigma for id, sigma in trace.items() if sigma >= TRACE_SIGMA},
@@ -415,39 +375,42 @@ def measurement_plan(
     )
 
 
-def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
-    """The layout that is wanted, or the session with the cycles that are, or that the target takes.
+def chosen_session(
+    model: Model,
+    session: Session | None = None,
+    target_mm: float | None = None,
+    layout: str | None = None,
+) -> SessionForecast:
+    """Forecast the layout of that name, or the session, with the cycles that the target takes.
 
-    Of layouts the best where none is named. Arguments and errors as of `measurement_plan`.
+    Of layouts the best where none is named. Raises UsageError: the machine has no such session.
     """
     offered, design = _offered(model)
     if offered:
-        if wanted != Wanted(layout=wanted.layout):
+        if session is not None or target_mm is not None:
             raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
-        names = {session.name: session for session in offered}
-        name = wanted.layout or (design or offered[0]).name
+        names = {forecast.name: forecast for forecast in offered}
+        name = layout or (design or offered[0]).name
         if name not in names:
             raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
         return names[name]
     model.machine.check_guided()
-    if wanted.layout is not None:
+    if layout is not None:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
-    protocol, shortest = wanted.protocol or MeasuringProtocol.DOUBLE, None
-    if wanted.target_mm is not None:
-        target = wanted.target_mm
-        shortest = fewest_cycles(model, protocol, Method.READINGS, wanted.stands, target)
-    return shortest or forecast(model, protocol, wanted.cycles or CYCLES, stands=wanted.stands)
+    session = session or Session()
+    shortest = target_mm and fewest_cycles(model, session, target_mm)
+    return shortest or forecast(model, session)
 
 
 @lru_cache(maxsize=8)
-def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], BestDesign | None]:
+def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], SessionForecast | None]:
     """All layouts that there are, and the best; none of a machine that follows protocols.
 
     The best is the quickest that distinguishes the rivals, or the one that does it best.
     """
     machine, best, most = model.machine, None, 0.0
     for layout in machine.distinguishing_layouts():
-        design = BestDesign.of(model, layout)
+        design = SessionForecast.of(model, layout)
         if (sigma := design.rivals_sigma) is None:
             break
         if sigma > most:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -99,38 +100,55 @@ class SessionStep:
         return self.setup, self.leg, self.posture, self.cycle, self.cell.entered
 
 
-def sequence(
-    machine: Machine, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
-) -> tuple[SessionStep, ...]:
-    """All steps of a session.
+class Session(NamedTuple):
+    """What is measured in one sitting, by a protocol; the usual one where nothing is said."""
 
-    Args:
-        machine: its joint limits are the Max and Min postures.
-        protocol, cycles: which readings; repeats of Iso, Max, Min on each leg, and a closing Iso.
-        order, stands: as of `steps_of`; the single-posture protocol uses one gauge.
-    """
-    match protocol:
-        case MeasuringProtocol.DOUBLE:
-            plan = double_posture(machine, cycles)
-        case MeasuringProtocol.SINGLE:
-            plan = single_posture(machine, cycles, closing=True)
-        case MeasuringProtocol.BEST:
-            displacements, gauge_at = design_of(machine)
-            plan = visiting(displacements * cycles, gauge_at)
-    return steps_of(plan, machine, order, stands)
+    protocol: MeasuringProtocol = MeasuringProtocol.DOUBLE
+    cycles: int = CYCLES  # repeats of its postures on each leg, and a closing one
+    order: Order = Order.PAPER
+    stands: int = 2  # gauges read side by side; the single-posture protocol uses one
 
+    @classmethod
+    def asked_for(
+        cls,
+        protocol: MeasuringProtocol | None,
+        cycles: int | None,
+        order: Order | None,
+        stands: int | None,
+    ) -> Self:
+        """The session that is asked for; usual in what is None."""
+        usual = cls()
+        return cls(
+            protocol or usual.protocol,
+            cycles or usual.cycles,
+            order or usual.order,
+            stands or usual.stands,
+        )
 
-def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, stands: int) -> str:
-    """Options of `measure` and `plan` for a `sequence`; none for the usual one."""
-    single = protocol is MeasuringProtocol.SINGLE
-    options = {
-        "--protocol single": single,
-        "--design best": protocol is MeasuringProtocol.BEST,
-        f"--cycles {cycles}": cycles != CYCLES,
-        f"--order {order}": order is not Order.PAPER,
-        f"--gauges {stands}": stands != 2 and not single,
-    }
-    return " ".join(option for option, needed in options.items() if needed)
+    def steps(self, machine: Machine) -> tuple[SessionStep, ...]:
+        """All steps; the joint limits of the machine are the Max and Min postures."""
+        match self.protocol:
+            case MeasuringProtocol.DOUBLE:
+                plan = double_posture(machine, self.cycles)
+            case MeasuringProtocol.SINGLE:
+                plan = single_posture(machine, self.cycles, closing=True)
+            case MeasuringProtocol.BEST:
+                displacements, gauge_at = design_of(machine)
+                plan = visiting(displacements * self.cycles, gauge_at)
+        return steps_of(plan, machine, self.order, self.stands)
+
+    @property
+    def options(self) -> str:
+        """Options of `measure` and `plan` for it; none for the usual one."""
+        single, alone = self.protocol is MeasuringProtocol.SINGLE, self.stands == 1
+        options = {
+            "--protocol single": single,
+            "--design best": self.protocol is MeasuringProtocol.BEST,
+            f"--cycles {self.cycles}": self.cycles != CYCLES,
+            f"--order {self.order}": self.order is not Order.PAPER and (alone or single),
+            "--gauges 1": alone and not single,
+        }
+        return " ".join(option for option, needed in options.items() if needed)
 
 
 def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[SessionStep, ...]:

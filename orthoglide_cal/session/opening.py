@@ -28,13 +28,12 @@ from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.steps import (
-    CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
+    Session,
     SessionStep,
     require_on_bar,
-    sequence,
     steps_of,
 )
 from orthoglide_cal.schema import Reason, parse_number
@@ -153,13 +152,13 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     has agreed already, or has no terminal. What the command line leaves open is standard.
     """
     first, following, change = None, None, ""
-    protocol, order = request.protocol or MeasuringProtocol.DOUBLE, request.order or Order.PAPER
-    cycles, stands = request.cycles or CYCLES, request.stands or 2
+    asked = request.protocol, request.cycles, request.order, request.stands
+    protocol, cycles, order, stands = session = Session.asked_for(*asked)
     if request.following is None:
         model = request.model or request.otherwise()
         model.machine.check_guided()
         stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
-        steps = sequence(model.machine, protocol, cycles, order, stands)
+        steps = session.steps(model.machine)
         plan = plan_of([step.cell for step in steps])
     else:
         first, options, model = _recommended(request.following, request)
@@ -335,8 +334,8 @@ def setting_in(
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is None:
-        cycles, order, stands = opened.cycles, opened.order, opened.stands
-        steps = sequence(model.machine, opened.protocol, cycles, order, stands)
+        session = Session(opened.protocol, opened.cycles, opened.order, opened.stands)
+        steps = session.steps(model.machine)
     elif not steps:
         plan = planned.readings[0].planned(planned.readings)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)

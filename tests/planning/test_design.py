@@ -17,9 +17,9 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.plan import Wanted, forecast, measurement_plan, session_of
+from orthoglide_cal.planning.plan import chosen_session, forecast, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations
-from orthoglide_cal.planning.steps import MeasuringProtocol, design_of
+from orthoglide_cal.planning.steps import MeasuringProtocol, Session, design_of
 from tests import truth
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, both_models, sure
@@ -69,7 +69,7 @@ def test_no_postures_along_the_legs_do_better(machine: Machine) -> None:
 def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     """For the same variance of the worst offset; test_forecast finds these by Monte Carlo."""
     forecasts = (
-        forecast(sure(model), protocol, cycles)
+        forecast(sure(model), Session(protocol, cycles))
         for protocol, cycles in ((MeasuringProtocol.BEST, 5), (MeasuringProtocol.DOUBLE, 3))
     )
     costs = [max(each.noise_std_mm.values()) ** 2 * len(each.plan) for each in forecasts]
@@ -84,7 +84,7 @@ def test_limits_of_nothing_let_nothing_be_seen() -> None:
 @both_models
 def test_what_it_gives_up_is_what_is_said(model: Model) -> None:
     """`GIVES_UP`, part by part, for the same U."""
-    plan = measurement_plan(model, Wanted())
+    plan = measurement_plan(chosen_session(model))
     usual, best = (separations(model, each.plan) for each in (plan.chosen, plan.design))
     left = {id: best.trace[id] / usual.trace[id] for id in ("encoder_scale", "backlash",
             "gauge_drift", "stand_shift", "thermal_drift")}  # fmt: skip
@@ -188,14 +188,14 @@ def test_separations_are_those_of_the_truth(
 @both_models
 @pytest.mark.parametrize("protocol", [DOUBLE, SINGLE, BEST])
 def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -> None:
-    plan = measurement_plan(model, Wanted(protocol, 3))
+    plan = measurement_plan(forecast(model, Session(protocol)))
     assert "leg_length" in plan.invisible
     assert "leg_length" not in plan.trace
     assert "axis_gap" in plan.trace
 
 
 def test_every_two_causes_are_one_pair_and_the_nearest_comes_first() -> None:
-    found = separations(NOMINAL, session_of(NOMINAL, DOUBLE, 3).plan)
+    found = separations(NOMINAL, forecast(NOMINAL).plan)
     assert {*found.pairs} == {*combinations(found.trace, 2)}
     sigmas = [*found.pairs.values()]
     assert sigmas == sorted(sigmas)

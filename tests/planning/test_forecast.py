@@ -16,19 +16,16 @@ from orthoglide_cal.model.readings import Contact, GaugePlan
 from orthoglide_cal.planning.plan import (
     METHODS,
     SHOWN_CYCLES,
-    Wanted,
     fewest_cycles,
     forecast,
     measurement_plan,
-    session_of,
 )
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
     MeasuringProtocol,
-    Order,
+    Session,
     clock,
     gauge_moves,
-    sequence,
 )
 from tests import truth
 from tests.estimation.sessions import solved
@@ -85,7 +82,7 @@ def test_predicted_noise_is_what_monte_carlo_finds(
     model: Model, protocol: MeasuringProtocol, name: str, cycles: int
 ) -> None:
     method, gauge = Method(name), model.machine.gauge
-    found = forecast(model, protocol, cycles, method)
+    found = forecast(model, Session(protocol, cycles), method)
     plan = found.plan
     rng = np.random.default_rng(12)
     signal = true_readings(plan, model.machine, OFFSETS)
@@ -112,7 +109,7 @@ def test_the_expected_uncertainty_is_what_solve_gives(
     known = sure(model).machine
     loose = Model(known.changed(gauge=known.gauge.changed(placement_mm=6.0)))
     for machine, within in ((model, 0.02), (sure(model), 0.06), (loose, 0.06)):
-        found = forecast(machine, protocol, 3, Method(name))
+        found = forecast(machine, Session(protocol), Method(name))
         rng, reach = np.random.default_rng(7), []
         for _ in range(60):
             offsets = OFFSET_MM * rng.choice([-1.0, 1.0], 3)
@@ -124,77 +121,77 @@ def test_the_expected_uncertainty_is_what_solve_gives(
 @pytest.mark.parametrize("protocol", MeasuringProtocol)
 def test_spare_readings_are_the_degrees_of_freedom(protocol: MeasuringProtocol) -> None:
     """Each zero and each offset takes one reading away; where noise is all, k is Student's t."""
-    found = forecast(sure(NOMINAL), protocol, 1)
+    found = forecast(sure(NOMINAL), Session(protocol, 1))
     spare = len(found.plan) - found.plan.setups - 3
     assert found.budget.k == pytest.approx(stats.t.ppf(0.975, spare))
 
 
 def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     """Which is 1.96 times a plausible leg, and a little."""
-    floor = forecast(NOMINAL, DOUBLE, MOST_CYCLES).floor
+    floor = forecast(NOMINAL, Session(cycles=MOST_CYCLES)).floor
     assert floor.largest.source == "leg_length"
     below = 0.99 * float(floor.expanded_mm.max())
-    assert fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, below) is None
+    assert fewest_cycles(NOMINAL, Session(), below) is None
     assert floor.expanded_mm.max() == pytest.approx(1.96 * 0.01, rel=0.03)
     # Of a shorter session more is left beside noise, for its readings tell less of it.
-    shorter = forecast(NOMINAL, DOUBLE, 3).floor
+    shorter = forecast(NOMINAL).floor
     assert np.all(shorter.std_mm > floor.std_mm)
-    assert forecast(sure(NOMINAL), DOUBLE, 3).floor is None
+    assert forecast(sure(NOMINAL)).floor is None
 
 
 @both_models
 def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
     for protocol in MeasuringProtocol:
-        session = session_of(model, protocol, 3)
+        session = forecast(model, Session(protocol))
         stands = 1 if protocol is SINGLE else 2
-        steps = sequence(model.machine, protocol, 3, Order.PAPER, stands)
+        steps = Session(protocol, stands=stands).steps(model.machine)
         assert session.minutes == clock(steps)[-1]
         assert session.gauge_moves == gauge_moves(steps)
         assert len(steps) == len(session.plan)
         # The last reading is taken one posture before the end.
         last = 60.0 * session.plan.hours.max()
         assert last == pytest.approx(session.minutes - MINUTES_PER_POSTURE)
-    one, two = (forecast(model, DOUBLE, 3, stands=stands) for stands in (1, 2))
+    one, two = (forecast(model, Session(stands=stands)) for stands in (1, 2))
     assert one.minutes > two.minutes
     assert one.noise_std_mm == pytest.approx(two.noise_std_mm)
 
 
 @both_models
 def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
-    plan = measurement_plan(model, Wanted(cycles=2))
-    assert {(way.protocol, way.method) for way in plan.compare} == {
+    plan = measurement_plan(forecast(model, Session(cycles=2)))
+    assert {(way.name, way.method) for way in plan.compare} == {
         (protocol, method) for protocol, methods in METHODS.items() for method in methods
     }
     assert {method for methods in METHODS.values() for method in methods} == set(Method)
     for way in plan.compare:
-        cycles = way.same_expanded.cycles
-        assert way.same_expanded.worst_mm <= plan.chosen.worst_mm * (1.0 + 1e-6)
+        cycles = way.cycles
+        assert way.worst_mm <= plan.chosen.worst_mm * (1.0 + 1e-6)
         if cycles > 1:
-            shorter = forecast(model, way.protocol, cycles - 1, way.method)
+            shorter = forecast(model, Session(way.name, cycles - 1), way.method)
             assert shorter.worst_mm > plan.chosen.worst_mm
-    own = next(way for way in plan.compare if (way.protocol, way.method) == (DOUBLE, "readings"))
-    assert own.same_expanded.cycles == 2
+    own = next(way for way in plan.compare if (way.name, way.method) == (DOUBLE, "readings"))
+    assert own.cycles == 2
 
 
 def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
     """One move for each leg and one between the legs; every move of it takes its time."""
-    plan = measurement_plan(NOMINAL, Wanted(cycles=3, stands=1))
+    plan = measurement_plan(forecast(NOMINAL, Session(stands=1)))
     for way in plan.compare:
-        if way.protocol is SINGLE:
-            assert way.same_expanded.gauge_moves == 3
-    asked = measurement_plan(NOMINAL, Wanted(SINGLE, 3))
+        if way.name is SINGLE:
+            assert way.gauge_moves == 3
+    asked = measurement_plan(forecast(NOMINAL, Session(SINGLE)))
     assert asked.chosen.gauge_moves == 39
     # Twice ten postures, driven to once or once for each end; 19 slides, or one.
     assert asked.chosen.minutes == pytest.approx(2 * (10 * 0.4 + 19 * 0.5) + 4.0)
-    own = next(w for w in asked.compare if (w.protocol, w.method) == (SINGLE, "readings"))
-    assert own.same_expanded.cycles == 3
-    assert own.same_expanded.minutes == pytest.approx(2 * (20 * 0.4 + 0.5) + 4.0)
-    assert own.same_expanded.expanded_mm == pytest.approx(asked.chosen.expanded_mm)
+    own = next(w for w in asked.compare if (w.name, w.method) == (SINGLE, "readings"))
+    assert own.cycles == 3
+    assert own.minutes == pytest.approx(2 * (20 * 0.4 + 0.5) + 4.0)
+    assert own.expanded_mm == pytest.approx(asked.chosen.expanded_mm)
 
 
 @pytest.mark.parametrize("protocol", list(MeasuringProtocol))
 def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
-    plan = measurement_plan(NOMINAL, Wanted(protocol))
+    plan = measurement_plan(forecast(NOMINAL, Session(protocol)))
     assert [each.cycles for each in plan.by_cycles] == list(SHOWN_CYCLES)
     for fewer, more in pairwise(plan.by_cycles):
         assert np.all(more.budget.expanded_mm < fewer.budget.expanded_mm)
@@ -205,7 +202,10 @@ def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
 @pytest.mark.parametrize("protocol", list(MeasuringProtocol))
 def test_what_stays_is_the_same_whatever_was_asked_for(protocol: MeasuringProtocol) -> None:
     """It is what is left of the longest session that `measure` guides without its noise."""
-    plans = [measurement_plan(NOMINAL, Wanted(protocol, cycles)) for cycles in (1, MOST_CYCLES)]
+    plans = [
+        measurement_plan(forecast(NOMINAL, Session(protocol, cycles)))
+        for cycles in (1, MOST_CYCLES)
+    ]
     (floor, same), longest = (plan.floor for plan in plans), plans[-1].chosen
     assert floor.expanded_mm.tolist() == same.expanded_mm.tolist()
     left = floor.std_mm**2 + np.array([*longest.noise_std_mm.values()]) ** 2
@@ -214,7 +214,7 @@ def test_what_stays_is_the_same_whatever_was_asked_for(protocol: MeasuringProtoc
 
 def test_the_tool_is_off_by_what_the_offsets_leave() -> None:
     """At the isotropic posture the tool moves as the carriages do; elsewhere it moves more."""
-    plan = measurement_plan(sure(NOMINAL), Wanted())
+    plan = measurement_plan(forecast(sure(NOMINAL)))
     assert plan.floor is None
     middle = float(plan.chosen.budget.k * np.sqrt(np.trace(plan.chosen.budget.covariance_mm2)))
     assert middle < (plan.chosen.tool_mm or 0.0) < 2.0 * middle

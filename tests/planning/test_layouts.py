@@ -16,7 +16,7 @@ from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MeasurementPlan,
     SessionForecast,
-    Wanted,
+    chosen_session,
     measurement_plan,
 )
 from orthoglide_cal.planning.separation import separations
@@ -41,7 +41,7 @@ V400_MODEL = model_from(delta_yaml(V400))
 
 @cache
 def usual() -> MeasurementPlan:
-    return measurement_plan(V400_MODEL, Wanted())
+    return measurement_plan(chosen_session(V400_MODEL))
 
 
 @cache
@@ -123,7 +123,7 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
     every = LinearDelta.distinguishing_layouts
     monkeypatch.setattr(LinearDelta, "distinguishing_layouts", lambda machine: every(machine)[::9])
     rough = V400_MODEL.machine.changed(probe=V400_MODEL.machine.probe.changed(texture_mm=0.2))
-    design = new_plan(Model(rough), Wanted()).design
+    design = new_plan(chosen_session(Model(rough))).design
     assert design.rivals_sigma < CERTAIN_SIGMA
     best = max(
         max(separations(Model(rough), layout.plan, rough.rivals).pairs.values())
@@ -134,7 +134,7 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
 
 def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
     upright = V400_MODEL.machine.changed(tolerances={**TOLERANCES, "tower_lean": 0.0})
-    plan = measurement_plan(Model(upright), Wanted())
+    plan = measurement_plan(chosen_session(Model(upright)))
     assert plan.design is None
     assert plan.chosen.name == "bed-7"
     assert all(each.rivals_sigma is None for each in plan.by_cycles)
@@ -142,7 +142,7 @@ def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
 
 def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
     gauge = V400_MODEL.machine.probe.changed(repeatability_mm=0.3)
-    coarse = measurement_plan(Model(V400_MODEL.machine.changed(probe=gauge)), Wanted())
+    coarse = measurement_plan(chosen_session(Model(V400_MODEL.machine.changed(probe=gauge))))
     of_coarse, of_usual = (
         {
             each.name
@@ -168,7 +168,7 @@ def test_minutes_are_those_of_touches_blocks_and_the_print() -> None:
 def test_an_orthoglide_has_no_layouts() -> None:
     assert NOMINAL.machine.layouts() == ()
     with pytest.raises(UsageError, match="for printers"):
-        measurement_plan(NOMINAL, Wanted(layout="bed-7"))
+        chosen_session(NOMINAL, layout="bed-7")
 
 
 @pytest.mark.parametrize("count", [13, 121])

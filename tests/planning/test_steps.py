@@ -12,10 +12,10 @@ from orthoglide_cal.planning.steps import (
     MINUTES_PER_TURN,
     MeasuringProtocol,
     Order,
+    Session,
     SessionStep,
     clock,
     gauge_moves,
-    sequence,
     step_name,
     steps_of,
 )
@@ -29,7 +29,7 @@ def usual(
     order: Order = Order.PAPER,
     stands: int = 2,
 ) -> tuple[SessionStep, ...]:
-    return sequence(PROTOTYPE, protocol, cycles, order, stands)
+    return Session(protocol, cycles, order, stands).steps(PROTOTYPE)
 
 
 def test_the_double_posture_session_is_that_of_section_4_1() -> None:

@@ -13,7 +13,7 @@ from orthoglide_cal.files.input import Check, CheckedFile
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
-from orthoglide_cal.planning.plan import Wanted, measurement_plan
+from orthoglide_cal.planning.plan import chosen_session, measurement_plan
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.answer import diagnosis_document, solution_document
@@ -116,7 +116,7 @@ def faulty() -> Document:
 @listed
 def planned() -> Document:
     """A machine with a hostile name, and a target that no number of cycles reaches."""
-    plan = measurement_plan(changed(NOMINAL, name=HOSTILE[3]), Wanted(target_mm=0.01))
+    plan = measurement_plan(chosen_session(changed(NOMINAL, name=HOSTILE[3]), None, 0.01), 0.01)
     return plan_document(plan, Path(HOSTILE[0]))
 
 

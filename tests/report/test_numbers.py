@@ -14,8 +14,8 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_plan
-from orthoglide_cal.planning.steps import MeasuringProtocol
+from orthoglide_cal.planning.plan import MeasurementPlan, chosen_session, measurement_plan
+from orthoglide_cal.planning.steps import MeasuringProtocol, Session
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.answer import diagnosis_document, solution_document
@@ -133,22 +133,25 @@ def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("machine", "wanted"),
+    ("model", "session", "target_mm"),
     [
-        ("orthoglide", Wanted(MeasuringProtocol.SINGLE, stands=1, target_mm=0.02)),
-        ("orthoglide", Wanted(MeasuringProtocol.BEST, cycles=4)),
-        ("linear_delta", Wanted()),
+        (NOMINAL, Session(MeasuringProtocol.SINGLE, stands=1), 0.02),
+        (NOMINAL, Session(MeasuringProtocol.BEST, cycles=4), None),
+        (Model(printer(V400, TOLERANCES)), None, None),
     ],
+    ids=["single-posture", "best-design", "printer"],
 )
-def test_every_number_of_a_plan_is_in_its_json(machine: str, wanted: Wanted) -> None:
-    model = {"orthoglide": NOMINAL, "linear_delta": Model(printer(V400, TOLERANCES))}[machine]
-    plan = measurement_plan(model, wanted)
+def test_every_number_of_a_plan_is_in_its_json(
+    model: Model, session: Session | None, target_mm: float | None
+) -> None:
+    plan = measurement_plan(chosen_session(model, session, target_mm), target_mm)
     assert missing(plan_document(plan), mapped(plan)) == []
 
 
 def test_every_number_of_a_plan_to_go_on_is_in_its_json() -> None:
     case = CASES["ambiguous"]()
     measured, model = case.given.measured, case.given.model
-    plan = measurement_plan(model, Wanted(), rank_measurements(diagnose(measured, model)))
+    ranked = rank_measurements(diagnose(measured, model))
+    plan = measurement_plan(chosen_session(model), None, ranked)
     document = plan_document(plan, None, case)
     assert missing(document, mapped(plan)) == []

@@ -14,7 +14,7 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
 from orthoglide_cal.inference import Verdict, diagnose
 from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.planning.plan import Wanted, measurement_plan
+from orthoglide_cal.planning.plan import chosen_session, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document
@@ -191,7 +191,7 @@ def test_causes_of_a_printer(cause: tuple[str, ...], seed: int, places: int) -> 
 @pytest.mark.parametrize("machine", ["orthoglide_prototype.yaml", "linear_delta.yaml"])
 def test_a_plan(machine: str) -> None:
     model = read_machine_file(shipped_folder() / machine).model
-    screen(plan_document(measurement_plan(model, Wanted())), MOST["plan"])
+    screen(plan_document(measurement_plan(chosen_session(model))), MOST["plan"])
 
 
 def test_what_was_questioned_and_kept_is_retaken_first() -> None:
@@ -207,7 +207,7 @@ def test_what_was_questioned_and_kept_is_retaken_first() -> None:
 def test_what_to_measure_next() -> None:
     read = read_input(str(SAMPLES / "experiment1.csv"), None, lambda: NOMINAL)
     diagnosis = diagnose(read.measured, read.model)
-    plan = measurement_plan(read.model, Wanted(), rank_measurements(diagnosis))
+    plan = measurement_plan(chosen_session(read.model), None, rank_measurements(diagnosis))
     begun = Case(read, answer_to(read, diagnosed=diagnosis))
     screen(plan_document(plan, None, begun), MOST["plan"])
 

@@ -21,18 +21,11 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
-    BestDesign,
     MeasurementPlan,
     SessionForecast,
 )
 from orthoglide_cal.planning.separation import TRACE_SIGMA
-from orthoglide_cal.planning.steps import (
-    GIVES_UP,
-    MOST_CYCLES,
-    MeasuringProtocol,
-    Order,
-    sequence_options,
-)
+from orthoglide_cal.planning.steps import GIVES_UP, MOST_CYCLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
@@ -113,7 +106,7 @@ def plan_document(
         sections.append(doc.Section(title, _sessions_grid(plan)))
         sections.append(doc.Section(None, *_limits(plan)))
         if plan.compare and plan.design:
-            typed = _command(plan.design, plan, machine_file, begun)
+            typed = _command(plan.design, machine_file, begun)
             sections += [_ways(plan), _design(plan.design, typed)]
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
@@ -139,7 +132,7 @@ def _to_do(
 ) -> Iterator[doc.Instruction]:
     """Measure what is best next, or the session."""
     chosen, machine = plan.chosen, plan.model.machine
-    typed = partial(_command, plan=plan, machine=machine_file, begun=begun)
+    typed = partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
         yield doc.Instruction("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
@@ -163,14 +156,10 @@ def _to_do(
         yield doc.Instruction("See the result", result)
 
 
-def _command(
-    forecast: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
-) -> str:
+def _command(forecast: SessionForecast, machine: Path | None, begun: Case | None) -> str:
     """The command to measure a session, or to have its places written."""
-    if plan.gauges is not None:
-        protocol = MeasuringProtocol(forecast.name)
-        options = sequence_options(protocol, forecast.cycles, Order.PAPER, plan.gauges)
-        return command("measure", machine=machine, options=options)
+    if forecast.session is not None:
+        return command("measure", machine=machine, options=forecast.session.options)
     options = f"--layout {forecast.name} --program {_PLACES}"
     if begun:
         return begun.typed("plan", options)
@@ -319,21 +308,18 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
-    """Every protocol and method for the same uncertainty."""
+    """Every protocol and method that reaches the same uncertainty."""
     rows = []
     for way in plan.compare:
-        numbers = ["never", "", "", ""]
-        if (effort := way.same_expanded) is not None:
-            sizes = effort.cycles, effort.readings, effort.gauge_moves
-            numbers = [*map(str, sizes), f"{effort.minutes:.0f}"]
-        rows.append((way.protocol, way.method, *numbers))
+        sizes = way.cycles, way.readings, way.gauge_moves
+        rows.append((way.name, way.method, *map(str, sizes), f"{way.minutes:.0f}"))
     head = ("protocol", "method", "cycles", "readings", "moves", "min")
-    caption = sentence(Reason.of("ways", worst_mm=plan.chosen.worst_mm))
+    caption = sentence(Reason.of("ways", worst_mm=plan.chosen.worst_mm, most=MOST_CYCLES))
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
 
 
-def _design(best: BestDesign, typed: str) -> doc.Section:
+def _design(best: SessionForecast, typed: str) -> doc.Section:
     """The fewest readings, and what to type for them."""
     codes = "design_postures", "design_gives", "design_gives_up"
     where, gives, lacks = (sentence(Reason.of(code, best=best, lacks=GIVES_UP)) for code in codes)
