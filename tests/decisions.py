@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
 from orthoglide_cal.schema import Reason
@@ -70,7 +69,7 @@ replace("diagnose", once(DIAGNOSE.diagnose), "inference")
 replace("decided", once(DIAGNOSE.decided), "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
 for name in ("scaled", "settled"):
-    setattr(Decision, name, functools.lru_cache(KEPT)(getattr(Decision, name)))
+    setattr(DIAGNOSE.Diagnosis, name, functools.lru_cache(KEPT)(getattr(DIAGNOSE.Diagnosis, name)))
 NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
 ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
 replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")

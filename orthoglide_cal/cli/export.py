@@ -72,10 +72,12 @@ def released(case: "Case", force: bool | None = None) -> "Case":
 
     Raises UnusableResultError: it must not be used; with what to do instead.
     """
+    from orthoglide_cal.report.document import parts_of
+
     release, known = case.answer.release, case.answer.parameters
     if known and (release.usable or force):
         return case
-    remedies = [f"{step.content} {step.command or ''}".rstrip() for step in case.remedies()]
+    remedies = [" ".join(part.text for part in parts_of(step)) for step in case.remedies()]
     if known and force is not None:
         remedies.append("To export it anyway, marked as FORCED: --force")
     why = " ".join(map(case.says, release.reasons))

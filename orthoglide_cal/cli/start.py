@@ -1,6 +1,5 @@
 """`orthocal` alone: what lies in this folder, and what to type next."""
 
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,22 +49,18 @@ def start() -> None:
         "a linear delta by its own probe" if by_probe else "an Orthoglide with a dial indicator"
     )
     try:
-        blocks = list(_next(file, to, sessions, begun, printers))
+        state, steps = _next(file, to, sessions, begun, printers)
     except OrthocalError as error:
-        blocks = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
+        state, steps = [], [doc.step(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
         name = str(path.with_suffix(".yaml"))
         if path not in begun:
             typed = command("measure", name, options="--resume")
-            blocks.append(doc.Instruction("Continue the practice", typed))
+            steps.append(doc.step("Continue the practice", typed))
         given_up = command("measure", name, options="--discard")
-        blocks.append(doc.Instruction("Or give it up", given_up))
+        steps.append(doc.step("Or give it up", given_up))
     if sum(path.suffix != ".csv" for path in sessions) > 1 and not (waiting or to):
-        blocks.append(
-            doc.Instruction("Check whether the machine has changed", "orthocal history .")
-        )
-    steps = [block for block in blocks if isinstance(block, doc.Instruction)]
-    state = [block for block in blocks if not isinstance(block, doc.Instruction)]
+        steps.append(doc.step("Check whether the machine has changed", "orthocal history ."))
     page = doc.Page(
         "orthocal",
         f"calibration of {method}",
@@ -83,8 +78,8 @@ def _next(
     sessions: list[Path],
     waiting: list[Path],
     printers: list[Path],
-) -> "Iterator[doc.Instruction | doc.Block]":
-    """What comes next in the round: machine, measure, enter, measure again, verify, report.
+) -> "tuple[list[doc.Block], list[doc.Line]]":
+    """What there is, and what comes next: machine, measure, enter, measure again, verify, report.
 
     `to`: the controller's file of a change that is recorded and was not written.
     """
@@ -93,7 +88,7 @@ def _next(
     from orthoglide_cal.model.linear_delta import LinearDelta
     from orthoglide_cal.model.orthoglide import Orthoglide
     from orthoglide_cal.report.case import measure_again
-    from orthoglide_cal.report.document import Instruction
+    from orthoglide_cal.report.document import step
     from orthoglide_cal.report.documents.answer import decision_notice, to_do
     from orthoglide_cal.results.history import precedes
 
@@ -104,37 +99,37 @@ def _next(
     entered = (p for p in reversed(paths) if entry and read_document(p).sha256 == entry.data_sha256)
     applied = next(entered, None)
     if to and file:
-        yield f"{file.document.path} records a change of {to}, which was not written."
         of = applied or "SESSION"
-        yield Instruction("Write it", command("apply", of, to=to))
-        yield Instruction("Or take it back", command("apply", options="--undo", to=to))
-    elif waiting:
+        write = step("Write it", command("apply", of, to=to))
+        undo = step("Or take it back", command("apply", options="--undo", to=to))
+        changed = f"{file.document.path} records a change of {to}, which was not written."
+        return [changed], [write, undo]
+    if waiting:
         name = str(waiting[0].with_suffix(".yaml"))
-        yield Instruction("Continue measuring", command("measure", name, options="--resume"))
-    elif not sessions:
+        return [], [step("Continue measuring", command("measure", name, options="--resume"))]
+    if not sessions:
+        begin = []
         if not (machine or printers):
-            yield Instruction("Describe the machine", "orthocal machine new")
+            begin.append(step("Describe the machine", "orthocal machine new"))
         if machine and machine.practice and machine.vocabulary.measure:
-            yield Instruction("Practise without a machine", common.PRACTISE)
-            return
+            return [], [step("Practise without a machine", common.PRACTISE)]
         kind = type(machine) if machine else LinearDelta if printers else Orthoglide
         for text, verb, usual in kind.first_steps:
             path = str(printers[-1]) if usual and printers else usual
-            yield Instruction(text, command(verb, *filter(None, [path])))
-    elif entry and applied and (applied == last or precedes(read_input(last), entry)):
+            begin.append(step(text, command(verb, *filter(None, [path]))))
+        return [], begin
+    if entry and applied and (applied == last or precedes(read_input(last), entry)):
         again = measure_again(read_input(last))
-        yield Instruction("Its offsets are entered: measure again", again)
-    elif applied and _reported(applied, last):
-        yield "Nothing more to do: measured, entered, measured again and reported."
-    elif applied:
+        return [], [step("Its offsets are entered: measure again", again)]
+    if applied and _reported(applied, last):
+        return ["Nothing more to do: measured, entered, measured again and reported."], []
+    if applied:
+        compare = step("Compare with the prediction", command("verify", applied, last))
         write = command("report", applied, options="--html report.html", after=last)
-        yield Instruction("Compare with the prediction", command("verify", applied, last))
-        yield Instruction("Write the report", write)
-    else:
-        case = common.judged(common.read_input(last))
-        yield decision_notice(case)
-        yield Instruction("See the numbers", case.typed("solve"))
-        yield from to_do(case, brief=True)
+        return [], [compare, step("Write the report", write)]
+    case = common.judged(common.read_input(last))
+    see = step("See the numbers", case.typed("solve"))
+    return [decision_notice(case)], [see, *to_do(case, brief=True)]
 
 
 def _simulated(path: Path) -> bool:

@@ -8,12 +8,16 @@ Leading axes (...) are many models at once. Values are vectors (k,) or columns (
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy.special import erfc
 
 from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
+
+Key = TypeVar("Key", bound=Hashable)
 
 # A common size is found to within this share of it, or in so many rounds.
 SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20
@@ -118,6 +122,32 @@ def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats
 def log_mean(values: Floats) -> float:
     """ln of the mean of exp of all entries."""
     return float(log_sum(values)) - math.log(values.size)
+
+
+def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
+    """Probability of each hypothesis from ln of its prior times evidence, most probable first.
+
+    Raises numpy.linalg.LinAlgError: rounding left no evidence of one.
+    """
+    total = float(log_sum(np.array([*log_weight.values()])))
+    if math.isnan(total):
+        raise np.linalg.LinAlgError("the evidence is no number")
+    ordered = sorted(log_weight.items(), key=lambda pair: -pair[1])
+    return {key: math.exp(value - total) for key, value in ordered}
+
+
+def mixture(
+    shares: Sequence[float], values: Sequence[Floats], covariances: Sequence[Floats]
+) -> tuple[Floats, Floats]:
+    """Mean (p,) and covariance (p, p) over hypotheses whose shares sum to 1.
+
+    The choice among their values (p,) is added to the covariance (p, p) under each.
+    """
+    weights, means = np.array(shares), np.stack(values)
+    mean = weights @ means
+    apart = means - mean
+    between = (apart.T * weights) @ apart
+    return mean, np.tensordot(weights, np.stack(covariances), axes=1) + between
 
 
 @dataclass(frozen=True, eq=False)

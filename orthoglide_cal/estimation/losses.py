@@ -5,8 +5,12 @@ where that has the least expected loss; no probability is compared with a number
 """
 
 import math
+from collections.abc import Hashable, Mapping
+from typing import TypeVar
 
 from scipy.special import lambertw
+
+Key = TypeVar("Key", bound=Hashable)
 
 # An answer is left open: one more measurement, stands fetched, set up and read.
 OPEN_ANSWER = 30.0
@@ -51,6 +55,21 @@ def is_likely(nothing: float, missed: float, needless: float) -> bool:
     `nothing` is the probability that there is nothing.
     """
     return (1.0 - nothing) * missed >= nothing * needless
+
+
+def state(
+    belief: Mapping[Key, float], nothing: Key, missed: float, needless: float
+) -> tuple[Key, tuple[Key, ...]]:
+    """The statement of least expected loss, and what it leaves open, most probable first.
+
+    Something has happened, or the hypothesis `nothing` is stated: by the losses of `is_likely`.
+    """
+    happened = is_likely(belief[nothing], missed, needless)
+    others = sorted(belief, key=lambda key: -belief[key])
+    stated = next(key for key in others if key != nothing) if happened else nothing
+    lost = needless if happened else missed
+    others.remove(stated)
+    return stated, tuple(key for key in others if not is_dismissed(belief[key], lost))
 
 
 def surprising(odds: float, missed: float, needless: float) -> float:

@@ -22,13 +22,13 @@ from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.probe_readings import ARMS, PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
+    Table,
     conditions_in,
     differences_from_table,
     implausible_temperatures,
     readings_in,
     session_from_tree,
 )
-from orthoglide_cal.files.rows import Table
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,

@@ -12,7 +12,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Content
-from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
+from orthoglide_cal.files.readings import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
 from orthoglide_cal.model.machine import Bed

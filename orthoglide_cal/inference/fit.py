@@ -17,11 +17,19 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
-from orthoglide_cal.causes import PatternCause
+from orthoglide_cal.causes import UNLISTED, PatternCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
-from orthoglide_cal.inference.data import Ids, Linearised, Whitened, ids_of
+from orthoglide_cal.estimation.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
+from orthoglide_cal.inference.data import (
+    ONE_CAUSE,
+    TWO_CAUSES,
+    Ids,
+    Linearised,
+    Whitened,
+    ids_of,
+)
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -50,6 +58,11 @@ STEEP = 100.0
 LARGEST = 30
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
+
+# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
+# than stated. If something beyond the list stands in their place, an open question costs a
+# measurement in vain; if not, to look for it in the set-up costs a hold.
+MISFIT = surprising(UNLISTED / (ONE_CAUSE + TWO_CAUSES), OPEN_ANSWER, NEEDLESS_HOLD)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,7 @@ from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, wh
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.estimation.methods import fit_offsets
 from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
-from orthoglide_cal.inference.decision import MISFIT
-from orthoglide_cal.inference.fit import ENOUGH, Fit, HeldOut, left_out
+from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
 from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate

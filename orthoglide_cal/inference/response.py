@@ -17,14 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.estimation.gaussian import log_mean, log_sum
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum, probabilities
 from orthoglide_cal.estimation.losses import (
     FALSE_RELEASE,
     MISSED_FAULT,
     NEEDLESS_HOLD,
     is_dismissed,
+    state,
 )
-from orthoglide_cal.inference.decision import probabilities, state
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.words import MM_PER_INCH

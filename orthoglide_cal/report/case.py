@@ -119,7 +119,7 @@ class Case:
         paths += filter(None, [other])
         return command(verb, *paths, machine=self.given.machine_file, options=" ".join(given))
 
-    def remedies(self, *wanted: str) -> Iterator[doc.Instruction]:
+    def remedies(self, *wanted: str) -> Iterator[doc.Line]:
         """Steps instead of entering the parameters, and about causes; with options only these."""
         steps = []
         for remedy in self.answer.release.remedies:
@@ -129,7 +129,7 @@ class Case:
             elif verb is not None:
                 typed = self.typed(verb, options)
             if not wanted or options in wanted:
-                steps.append(doc.Instruction(self.says(remedy.sentence), typed))
+                steps.append(doc.step(self.says(remedy.sentence), typed))
         yield from dict.fromkeys(steps)  # two reasons may have one remedy
 
     @property

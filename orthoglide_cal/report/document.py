@@ -17,7 +17,9 @@ from orthoglide_cal.words import SIMULATED
 MARK = "<!-- Written by orthocal -->\n"
 BLANK = "_" * 12  # to write on
 
-Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small", "blank"]
+Style = Literal[
+    "plain", "code", "typed", "command", "strong", "doubtful", "given", "small", "blank"
+]
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,9 @@ class Marked:
     """Words in a style.
 
     code: to compare letter by letter; typed: to type, on one line however long it is, at the end
-    of its sentence; strong: the words that matter; doubtful: words to beware of; given: a name or
-    note that somebody typed, shown as it is, never obeyed; small: an explanation in small print.
+    of its sentence; command: the same, set apart from it; strong: the words that matter; doubtful:
+    words to beware of; given: a name or note that somebody typed, shown as it is, never obeyed;
+    small: an explanation in small print.
     """
 
     style: Style
@@ -41,6 +44,11 @@ Inline = str | Marked
 Line = Inline | tuple[Inline, ...]
 # None is shown as a line to write on.
 Blank = Line | None
+
+
+def step(sentence: str, command: str | None = None) -> Line:
+    """One thing to do, with what to type."""
+    return sentence if command is None else (sentence, Marked("command", command))
 
 
 def parts_of(content: Blank) -> tuple[Marked, ...]:
@@ -120,18 +128,10 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Instruction:
-    """One thing to do, with what to type."""
-
-    content: Line
-    command: str | None = None
-
-
-@dataclass(frozen=True)
 class Instructions:
     """Things to do, in order."""
 
-    items: Sequence[Instruction]
+    items: Sequence[Line]
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,7 @@ class Section:
         self.blocks = [block for block in shown if block is not None]
 
 
-def next_steps(steps: Iterable[Instruction], *more: Block | None) -> Section:
+def next_steps(steps: Iterable[Line], *more: Block | None) -> Section:
     """Next steps, in order; without any only what stands below them."""
     steps = tuple(steps)
     return Section("Next" if steps else None, Instructions(steps), *more)

@@ -99,16 +99,9 @@ def _block(block: doc.Block) -> Html:
         case doc.Listing():
             return tag("pre", join(block.lines, "\n"), class_="scroll", tabindex="0")
         case doc.Instructions():
-            return tag("ol", *map(_instruction, block.items), class_="steps")
+            return tag("ol", *(tag("li", _line(item)) for item in block.items), class_="steps")
         case _:
             return tag("p", _line(block))
-
-
-def _instruction(item: doc.Instruction) -> Html:
-    """On a narrow page a command breaks between words, not after the dashes of an option."""
-    spans = (tag("span", word) for word in (item.command or "").split(" "))
-    command = tag("code", join(spans, " "), class_="command") if item.command else None
-    return tag("li", _line(item.content), command)
 
 
 def _table(grid: doc.Grid) -> Html:
@@ -147,6 +140,9 @@ def _inline(part: doc.Marked) -> Html:
         return tag("span", class_="blank", role="img", aria_label="not given")
     if part.style in ("code", "typed"):
         return tag("code", part.text, class_="typed" if part.style == "typed" else None)
+    if part.style == "command":  # on a narrow page it breaks between words, not at an option's dash
+        spans = (tag("span", word) for word in part.text.split(" "))
+        return tag("code", join(spans, " "), class_="command")
     if part.style == "doubtful":
         return tag("strong", tag("bdi", part.text), class_="doubt")
     if part.style in ("strong", "given"):

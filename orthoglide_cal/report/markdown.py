@@ -48,10 +48,7 @@ def _block(block: doc.Block) -> str:
             fence = _fence(shown, 3)
             return "\n".join([f"{fence}text", *shown, fence])
         case doc.Instructions():
-            return "\n".join(
-                f"{n}. {_line(item.content)}" + (f" {_code(item.command)}" if item.command else "")
-                for n, item in enumerate(block.items, start=1)
-            )
+            return "\n".join(f"{n}. {_line(item)}" for n, item in enumerate(block.items, start=1))
         case _:
             return _line(block)
 
@@ -61,8 +58,8 @@ def _line(content: doc.Blank) -> str:
 
 
 def _inline(part: doc.Marked) -> str:
-    if part.style in ("code", "typed"):
-        return _code(part.text)
+    if part.style in ("code", "typed", "command"):
+        return " " * (part.style == "command") + _code(part.text)
     text = in_markdown(part.text)
     return f"**{text}**" if part.style in ("strong", "doubtful") else text
 

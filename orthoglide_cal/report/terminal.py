@@ -19,6 +19,7 @@ from orthoglide_cal.report import document as doc
 _COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "yellow", "info": "blue"}
 _STYLES = {
     "typed": "bold cyan",
+    "command": "bold cyan",
     "code": "bold",
     "strong": "bold",
     "doubtful": "bold",
@@ -31,7 +32,7 @@ _GAP = "  "
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
 # What a page is made of, as it may give way.
-Spare = list[str] | list[int] | list[doc.Block] | list[doc.Instruction] | list[list[doc.Block]]
+Spare = list[str] | list[int] | list[doc.Block] | list[doc.Line] | list[list[doc.Block]]
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 
 
@@ -101,15 +102,16 @@ class _Lines:
                 yield from (Text(visible(line)) for line in block.lines)
             case doc.Instructions():
                 for number, item in enumerate(block.items, start=1):
-                    yield from self._instruction(item, f"{_GAP}{number}. ")
+                    yield from self._step(item, f"{_GAP}{number}. ")
             case _:
                 yield from self._paragraph(block, indent, indent)
 
-    def _instruction(self, item: doc.Instruction, first: str) -> Iterator[Text]:
+    def _step(self, item: doc.Line, first: str) -> Iterator[Text]:
         """A step; its command stands behind it where both fit on one line."""
-        rest = " " * len(first)
-        *lines, last = self._paragraph(item.content, first, rest)
-        typed = Text(visible(item.command or ""), _STYLES["typed"])
+        rest, parts = " " * len(first), doc.parts_of(item)
+        sentence = tuple(part for part in parts if part.style != "command")
+        *lines, last = self._paragraph(sentence, first, rest)
+        typed = _text(parts[len(sentence) :])
         free = self._width - typed.cell_len - last.cell_len
         if typed and not lines and free >= len(_GAP):
             space = min(max(_TYPED_AT - last.cell_len, len(_GAP)), free)

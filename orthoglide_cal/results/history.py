@@ -23,15 +23,21 @@ from scipy.linalg import block_diag
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
+from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
-from orthoglide_cal.estimation.losses import DISMISSED, MISSED_CHANGE, WRONG_STORY, is_dismissed
+from orthoglide_cal.estimation.gaussian import mixture, probabilities
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    MISSED_CHANGE,
+    WRONG_STORY,
+    is_dismissed,
+    state,
+)
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.inference import Verdict
+from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
-from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
 from orthoglide_cal.inference.diagnose import decided
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
@@ -140,14 +146,13 @@ class _Session:
         model = last.judging(given.model)
         self.white = white = Whitened.of(given.measured, model)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Decision(at, {(): Hypothesis(at, 0.0)}, {})
+        nothing: dict[Ids, Hypothesis] = {(): Hypothesis(at, 0.0)}  # the parameters alone
+        self.belief = self.decision = Diagnosis(given.measured, model, at, nothing)
         self.alone = self.belief.fit_of(())
         self.width = self.alone.offsets.size  # parameters of the machine
         self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
-        self.decision: Decision | None = None
         self.refuted: Reason | None = None  # how what would be named here was refuted
-        noise, dof = white.machine.instrument.noise_mm, len(white) - self.width
-        if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
+        if len(white) <= self.width or self.belief.chance(self.alone) <= PLAIN:
             solve(given.measured, model)  # refuses what is out of all proportion
             self.decision = decided(given.measured, model)
 
@@ -156,23 +161,23 @@ class _Session:
 
         What else is wrong with the later one is no evidence against a name.
         """
-        decision, other = self.decision, later.decision if later else None
-        if decision and later and decision.verdict is Verdict.NAMED:
-            wrong = {*other.accepted, *other.ambiguous_with} if other else set()
-            known = other is None or other.verdict is not Verdict.UNEXPLAINED
-            if known and wrong <= {*decision.accepted}:
+        decision = self.decision
+        if later and decision.verdict is Verdict.NAMED:
+            other = later.decision
+            wrong = {*other.accepted, *other.ambiguous_with}
+            if other.verdict is not Verdict.UNEXPLAINED and wrong <= {*decision.accepted}:
                 fits = decision.carried, decision.fit_of(())
                 unseen = Later(later.white, self.white.machine, np.zeros(self.width), self.width)
                 refuted = unseen.refute(decision.accepted, *fits)
                 decision = replace(decision, refuted=refuted)
-        if decision and decision.refuted:
+        if decision.refuted:
             data = {**decision.refuted.data, "of_file": PurePath(self.path).name}
             self.refuted = decision.refuted.changed(data=data)
-        if decision and decision.verdict is Verdict.UNEXPLAINED:
+        if decision.verdict is Verdict.UNEXPLAINED:
             values, spread = decision.offsets
             moved = values - self.alone.offsets
             self.unexplained = spread + np.outer(moved, moved)
-        elif decision:
+        else:
             self.belief = decision
         # Set of lasting causes → probabilities of the explanations with it.
         self.by_lasting: dict[Ids, dict[Ids, float]] = {}

@@ -21,12 +21,12 @@ from orthoglide_cal.files.readings import (
     QUESTIONED,
     Conditions,
     GaugeIdentity,
+    ReadingRow,
     Session,
     readings_of,
     row_at,
     session_of_readings,
 )
-from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source

@@ -125,7 +125,7 @@ def test_remarks(tmp_path, text, words):
     ],
 )
 def test_hostile_tables_are_refused(tmp_path, monkeypatch, text, what):
-    monkeypatch.setattr("orthoglide_cal.files.rows._ROWS", 25_000)  # a quarter of what it takes
+    monkeypatch.setattr("orthoglide_cal.files.readings._ROWS", 25_000)  # a quarter of what it takes
     start = time.process_time()
     found = problems(measured, tmp_path, text)
     assert time.process_time() - start < 2.5

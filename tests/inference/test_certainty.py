@@ -14,7 +14,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.fit import HeldOut, leave_out, left_out
 from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import Readings
@@ -105,7 +104,7 @@ def test_an_unfinished_session_is_diagnosed() -> None:
     white = Whitened.of(some(readings, started), model)
     assert 0 < np.sum(white.plan.setup == 5) < 10
     assert ids(diagnose(some(readings, started), model)) == ["axis_gap"]
-    fit = Decision.about(white).fit_of(("axis_gap",))
+    fit = Diagnosis.about(some(readings, started), model).fit_of(("axis_gap",))
     # Predicted from less, and said to be: the errors are as large as stated.
     assert 0.7 < leave_out(fit, left_out(white))[2].ratio < 1.3
 

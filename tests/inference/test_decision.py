@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision, mixture, probabilities, state
+from orthoglide_cal.estimation.gaussian import mixture, probabilities
+from orthoglide_cal.estimation.losses import state
+from orthoglide_cal.inference import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit
 from orthoglide_cal.schema import Reason
@@ -25,14 +26,14 @@ from tests.inference.sessions import known
 
 
 @cache
-def session() -> Decision:
-    return Decision.about(Whitened.of(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))))
+def session() -> Diagnosis:
+    return Diagnosis.about(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL)))
 
 
 BEYOND = {"returning": "repeats leg x", "passing": "settles leg x"}
 
 
-def decision(misfit: float = 0.0, likelier: float = 99.0, **shares: float) -> Decision:
+def decision(misfit: float = 0.0, likelier: float = 99.0, **shares: float) -> Diagnosis:
     """Of shares by ids joined with "_and_"; "nothing" is that nothing is wrong.
 
     Every explanation leaves residuals of `misfit` standard deviations. Where it fits best, one with
@@ -53,10 +54,10 @@ def decision(misfit: float = 0.0, likelier: float = 99.0, **shares: float) -> De
         # No unknown follows what is left.
         leaves = {"linear": left, "columns": 0.0 * fit.columns, "log_positive": likelihood}
         fits[ids] = replace(fit, log_evidence=evidence, **leaves)
-    return Decision(at, made, patterns, fits)
+    return Diagnosis(session().measured, session().model, at, made, patterns, fits)
 
 
-def said(found: Decision) -> str:
+def said(found: Diagnosis) -> str:
     """The verdict, what is accepted, and what it cannot be told from."""
     accepted = f" {'+'.join(found.accepted)}" if found.accepted else ""
     return "".join((found.verdict, accepted, *(f" or {id}" for id in found.ambiguous_with)))
@@ -109,7 +110,7 @@ class Again(Hypothesis):
 def test_explanations_of_one_remedy_are_one_answer() -> None:
     """A reading is wrong, by a turn or by any other amount; a knock asks for more."""
 
-    def asking(*ids: str, **shares: float) -> Decision:
+    def asking(*ids: str, **shares: float) -> Diagnosis:
         made = decision(**shares)
         again = {(id,): Again(**vars(made.hypotheses[id,])) for id in ids}
         return replace(made, hypotheses={**made.hypotheses, **again})

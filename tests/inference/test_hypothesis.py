@@ -14,8 +14,8 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.inference import Diagnosis
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
@@ -35,9 +35,9 @@ Ids = tuple[str, ...]
 
 
 @cache
-def drawn(hidden: Ids, gauge: truth.Gauge = truth.DIAL) -> tuple[Evidence, Decision]:
+def drawn(hidden: Ids, gauge: truth.Gauge = truth.DIAL) -> tuple[Evidence, Diagnosis]:
     session = truth.make_session(3, truth.PROTOTYPE, gauge, hidden)
-    return Evidence(session), Decision.about(Whitened.of(*known(session)))
+    return Evidence(session), Diagnosis.about(*known(session))
 
 
 @pytest.mark.parametrize("line", refusals(Path(__file__).with_name("explained.txt")))
@@ -237,7 +237,7 @@ def test_leaving_a_cell_out_is_refitting_without_it(hidden: str, seed: int, rel:
     """A wrong reading is not held against the model: it stays where its size takes it up."""
     readings, model = known(truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (hidden,)))
     white = Whitened.of(readings, model)
-    found = Decision.about(white)
+    found = Diagnosis.about(readings, model)
     accepted = found.fit_of((hidden,))
     wrong = accepted.wrong_readings
     assert len(wrong) == (hidden == "misread")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.inference import data, diagnose
+from orthoglide_cal.inference import Diagnosis, data, diagnose
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import score_all
 from orthoglide_cal.model.cause import Place
@@ -86,7 +85,7 @@ def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
     spread = under.offsets_covariance
     assert np.diag(spread) == pytest.approx(np.diag(undone.offsets_covariance), rel=2e-3)
     assert under.residual @ under.residual == pytest.approx(undone.residual @ undone.residual)
-    assert Decision.about(white).settled().accepted == ("swapped_gauges",)
+    assert Diagnosis.about(readings, model).settled().accepted == ("swapped_gauges",)
 
 
 @pytest.mark.parametrize("fault", ["sign_flip", "swapped_gauges", "gauge_drift"])

@@ -16,13 +16,12 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.patterns import PLANNED
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.contrasts import without_zeros
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind
-from orthoglide_cal.model.model import simulate
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
+from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.paper.tables import experiment
 from orthoglide_cal.report.case import Case
@@ -47,8 +46,8 @@ def drawn(cause: str, gauge: str, seed: int, pace: float = 0.4) -> truth.Session
     return truth.make_session(seed, machine, truth.GAUGES[gauge], (cause,), pace=pace)
 
 
-def decided(white: Whitened) -> Decision:
-    return Decision.about(white).settled()
+def decided(measured: Measured, model: Model) -> Diagnosis:
+    return Diagnosis.about(measured, model).settled()
 
 
 @cache
@@ -58,9 +57,11 @@ def judged(session: truth.Session) -> Diagnosis:
 
 def test_data_that_are_decided_again_give_the_same() -> None:
     """To the last digit, whatever was decided meanwhile: the other tests decide them once."""
-    whites = [Whitened.of(*known(drawn("axis_gap", "micron", seed))) for seed in (1, 4, 1, 4)]
+    data = [known(drawn("axis_gap", "micron", seed)) for seed in (1, 4, 1, 4)]
+    whites = [Whitened.of(*both) for both in data]
     probabilities, offsets = zip(
-        *((found.listed, found.offsets) for found in map(decided, whites)), strict=True
+        *((found.listed, found.offsets) for found in (decided(*both) for both in data)),
+        strict=True,
     )
     for first, again in ((0, 2), (1, 3)):
         assert content(whites[first]) == content(whites[again]) != content(whites[1 - first])
@@ -175,7 +176,7 @@ def named() -> Diagnosis:
 
 
 def test_every_explanation_is_held_once(named: Diagnosis) -> None:
-    belief = decided(Whitened.of(named.measured, named.model))
+    belief = decided(named.measured, named.model)
     shares = [*belief.probability.values()]
     assert sum(shares) == pytest.approx(1.0)
     assert shares == sorted(shares, reverse=True)
@@ -236,7 +237,7 @@ def test_differences_are_explained_under_the_label_that_was_written_down() -> No
     measured = read_input(str(SAMPLES / "experiment1.csv")).measured
     found = diagnose(measured, NOMINAL)
     assert "swapped_gauges" in {cause.id for cause in found.causes}
-    fit = decided(Whitened.of(measured, NOMINAL)).fit
+    fit = decided(measured, NOMINAL).fit
     plan = ideal_plan(DataKind.TWELVE, PROTOTYPE)
     simulated = simulate(NOMINAL.extended(fit.effects), fit.offsets, plan)
     expected = reduction(DataKind.SIX, SIX, PROTOTYPE, plan) @ simulated

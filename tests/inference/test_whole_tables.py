@@ -9,7 +9,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import OFFSETS_MM, Candidates, Whitened
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.plan import Floats
@@ -120,8 +119,7 @@ def test_evidence_of_a_unit_is_the_density_of_what_was_written() -> None:
     session = truth.make_session(4, truth.PROTOTYPE, truth.DIAL, offset_sd=0.05)
     readings, model = known(session)
     per_mm = 1.0 / 25.4
-    white = Whitened.of(replace(readings, value=readings.value * per_mm), model)
-    found = Decision.about(white)
+    found = Diagnosis.about(replace(readings, value=readings.value * per_mm), model)
     sets = Candidates.of(model, ordered=True).log_prior
     assert sets[("wrong_unit",)] == pytest.approx(sets[("misread",)] + np.log(0.1))
     at, placed = found.at, found.at.extras["wrong_unit"]

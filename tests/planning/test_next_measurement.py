@@ -8,8 +8,6 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
-from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.model import synthetic_session
@@ -87,11 +85,11 @@ def test_aliases_are_those_of_the_data_set(cause: str, rival: str) -> None:
             assert following.separation_sigma > 5.0
 
 
-def assessed(readings: Readings) -> Decision:
-    return Decision.about(Whitened.of(readings, MODEL))
+def assessed(readings: Readings) -> Diagnosis:
+    return Diagnosis.about(readings, MODEL)
 
 
-def log_odds(found: Decision, first: str, second: str) -> float:
+def log_odds(found: Diagnosis, first: str, second: str) -> float:
     """With the gauge's stated noise: a rival that fits badly cannot call the gauge worse."""
     stated = NoiseGrid(np.array([MACHINE.gauge.noise_mm]), np.zeros(1))
     logs = []
@@ -205,7 +203,7 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
     """
     session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("backlash",), exact=True)
     readings, model = known(session)
-    found = Decision.about(Whitened.of(readings, model))
+    found = Diagnosis.about(readings, model)
     fits = [found.fit_of(("backlash",)), found.fit_of(())]
     theta = fits[0].effects[0].theta
     motion = replace(session.effects[0], parameters=(*theta[:3], *-theta[3:]))

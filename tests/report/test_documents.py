@@ -34,7 +34,8 @@ KNOWN = {f"orthoglide_cal.{name}" for name in (
 def commands(document: doc.Document) -> list[str]:
     blocks = (block for section in document.page().sheet for block in section.blocks)
     lists = (block.items for block in blocks if isinstance(block, doc.Instructions))
-    return [item.command for items in lists for item in items if item.command]
+    parts = (part for items in lists for item in items for part in doc.parts_of(item))
+    return [part.text for part in parts if part.style == "command"]
 
 
 @pytest.mark.parametrize("renderer", ["terminal", "html", "markdown"])

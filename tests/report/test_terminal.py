@@ -45,7 +45,7 @@ def lines_of(block: doc.Block) -> Iterator[doc.Line]:
         case doc.Facts():
             yield from (value for _, value in block.rows if value is not None)
         case doc.Instructions():
-            yield from (item.content for item in block.items)
+            yield from block.items
         case str() | tuple() | doc.Marked():
             yield block
 
@@ -55,9 +55,7 @@ def unwrapped(page: doc.Page) -> list[str]:
     found = []
     for block in blocks_of(page):
         parts = [part for line in lines_of(block) for part in doc.parts_of(line)]
-        found += [part.text for part in parts if part and part.style == "typed"]
-        if isinstance(block, doc.Instructions):
-            found += [item.command for item in block.items if item.command]
+        found += [part.text for part in parts if part and part.style in ("typed", "command")]
         if isinstance(block, doc.Listing):
             found += block.lines
     return [visible(text).strip() for text in found]
@@ -85,7 +83,7 @@ def test_nothing_but_commands_and_listings_is_wider_than_80_columns(kind):
     "block",
     [
         ("Run next: ", doc.typed(LONG)),
-        doc.Instructions((doc.Instruction("Do this " * 20, LONG),)),
+        doc.Instructions((doc.step("Do this " * 20, LONG),)),
         doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.typed(LONG)),)),
         doc.Listing((f"    → {LONG}",)),
     ],
@@ -162,7 +160,7 @@ def test_the_rows_of_a_wide_table_become_sentences():
 
 def test_what_is_typed_stands_behind_its_sentence_where_both_fit():
     def steps(width: int) -> list[str]:
-        item = doc.Instruction("Measure again", "orthocal measure after.yaml")
+        item = doc.step("Measure again", "orthocal measure after.yaml")
         page = doc.Page("k", None, sections=[doc.Section("Next", doc.Instructions([item]))])
         return shown(page, width).splitlines()[1:]
 

@@ -103,7 +103,7 @@ def diagnosis_document(case: Case) -> doc.Document:
 def _document(
     case: Case,
     kind: str,
-    steps: Callable[[Case], Iterator[doc.Instruction]],
+    steps: Callable[[Case], Iterator[doc.Line]],
     screen: Callable[[Case, doc.Page], doc.Page],
 ) -> doc.Document:
     """A document of this kind; `screen` completes a page that begins with the decision."""
@@ -174,7 +174,7 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     residuals = [brief_residuals(case)] if named else []
     again = []
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
-        again.append(doc.Instruction("Then solve again, and enter only what it releases."))
+        again.append("Then solve again, and enter only what it releases.")
     notes = [*_notes(case, brief=True)]
     known = (e for e in answer.parameters if e.determined)
     found = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
@@ -345,7 +345,7 @@ def _shares(answer: Answer) -> str:
 # --- the next steps ---------------------------------------------------------------------------
 
 
-def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
+def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
     """Next steps; `brief`: those that one screen has room for."""
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
@@ -355,11 +355,11 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
         try:
             check_not_adjusted(case.given)
         except UnusableResultError as error:
-            yield doc.Instruction(str(error))
+            yield str(error)
             return
     if release.settled:
         if case.words.measure or case.machine.layouts():
-            yield doc.Instruction("See which further readings would help", case.typed("plan"))
+            yield doc.step("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
     else:
@@ -367,42 +367,40 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     if brief and causes:
         decided = verdict is Verdict.NAMED
         see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
-        yield doc.Instruction(see, case.typed("diagnose"))
+        yield doc.step(see, case.typed("diagnose"))
 
 
-def _diagnosis_steps(case: Case) -> Iterator[doc.Instruction]:
+def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
     yield from case.remedies()
     if case.answer.release.settled:
         yield from to_do(case)
     elif case.answer.release.usable:
-        yield doc.Instruction("See what to enter", case.typed("solve"))
+        yield doc.step("See what to enter", case.typed("solve"))
 
 
-def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
+def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     # No line of simulated readings is for a controller.
     export = None if case.answer.simulated else case.typed("export", f"--format {format}")
     recorded = recording(case.given)
     if recorded == "done":
-        yield doc.Instruction(
-            f"The machine file records that the {words.many} are entered. {words.restart}"
-        )
+        yield f"The machine file records that the {words.many} are entered. {words.restart}"
     elif case.record is not None:
-        yield doc.Instruction(f"{words.entering}, then", case.record)
+        yield doc.step(f"{words.entering}, then", case.record)
     elif export:
-        yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
+        yield doc.step(f"{words.entering}.", export if recorded == "elsewhere" else None)
     if export and not brief and recorded not in ("done", "elsewhere"):
-        yield doc.Instruction("Or print the lines for the controller's file", export)
+        yield doc.step("Or print the lines for the controller's file", export)
     if check is not None:
-        yield doc.Instruction(check_words(check))
+        yield check_words(check)
     if case.table is not None and not brief:
-        yield doc.Instruction("Correct the remaining errors with a table", case.table)
+        yield doc.step("Correct the remaining errors with a table", case.table)
     if words.measure:
-        yield doc.Instruction("Measure again", measure_again(case.given))
+        yield doc.step("Measure again", measure_again(case.given))
     if case.record is None or not brief:
-        yield doc.Instruction(words.compare, case.verify)
+        yield doc.step(words.compare, case.verify)
 
 
 # --- parameters, differences and uncertainty -----------------------------------------------------

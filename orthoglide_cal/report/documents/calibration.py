@@ -184,7 +184,7 @@ def _other(case: Case) -> doc.Section:
     if rms := case.answer.rms:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
         blocks.append(f"{before} mm r.m.s. as found, {after} if entered.")
-    again = doc.Instruction("See its report.", case.typed("report"))
+    again = doc.step("See its report.", case.typed("report"))
     title = f"Also judged: {input_words(case.given)}"
     return doc.Section(title, *blocks, doc.Instructions([again]))
 

@@ -44,7 +44,7 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
     """The document; with the machine file as the user gave it."""
     see = command("solve", history.sessions[-1].path, machine=machine_file)
     says = partial(sentence, machine=history.newest)
-    steps = doc.Instruction(says(history.next)), doc.Instruction("See the last session", see)
+    steps = doc.step(says(history.next)), doc.step("See the last session", see)
     more = "More: the same with --details, or as a page: --html history.html"
     notes = [*map(says, history.notes)]
     return doc.Document(

@@ -129,31 +129,31 @@ def _worst(option: NextMeasurement) -> float:
 
 def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
-) -> Iterator[doc.Instruction]:
+) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
     chosen, machine = plan.chosen, plan.model.machine
     typed = partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
-        yield doc.Instruction("See what to enter", begun.typed("solve"))
+        yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
             further = begun.further(best.session)
-            yield doc.Instruction(f"Or, to reduce U: {sentence(best.what)}", further)
+            yield doc.step(f"Or, to reduce U: {sentence(best.what)}", further)
     elif plan.next and begun:
         best = plan.next[0]
-        yield doc.Instruction(sentence(best.what), begun.further(best.session))
+        yield doc.step(sentence(best.what), begun.further(best.session))
     elif begun and begun.answer.release.remedies:
         yield from begun.remedies()
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
-        yield doc.Instruction("Measure what the plungers can follow", typed(plan.design))
+        yield doc.step("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
-        yield doc.Instruction("Measure it", typed(chosen))
+        yield doc.step("Measure it", typed(chosen))
     elif not chosen.plan.touches.all():
-        yield doc.Instruction(machine.vocabulary.probing)
+        yield machine.vocabulary.probing
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
-        yield doc.Instruction(text, typed(chosen))
+        yield doc.step(text, typed(chosen))
         result = command("diagnose", _PLACES, machine=machine_file)
-        yield doc.Instruction("See the result", result)
+        yield doc.step("See the result", result)
 
 
 def _command(forecast: SessionForecast, machine: Path | None, begun: Case | None) -> str:

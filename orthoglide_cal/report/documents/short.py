@@ -152,17 +152,17 @@ def application_document(application: Application, live: bool) -> doc.Document:
     sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
     if application.corrections:
         sections.append(doc.Section(None, _corrections(application.corrections)))
-    title, steps = "To be taken back", [doc.Instruction(first)]
+    title, steps = "To be taken back", list[doc.Line]([first])
     if given is not None:
-        title, again = "To be recorded", doc.Instruction("Probe it again in the same way.")
+        title, again = "To be recorded", doc.step("Probe it again in the same way.")
         if words.measure:
             typed = measure_again(given)
-            again = doc.Instruction("Measure again in the same way.", typed)
+            again = doc.step("Measure again in the same way.", typed)
         compare, path = "Compare with the prediction.", given.measured.source.path
         if controller and controller.sha256 == entry.data_sha256:
             compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
         typed = command("verify", path, "AFTER", machine=given.machine_file)
-        steps += [again, doc.Instruction(compare, typed)]
+        steps += [again, doc.step(compare, typed)]
     sections.append(doc.Section(None, doc.Instructions(steps)))
     page = doc.Page(title, machine.name, sections=sections, simulated=simulated)
     return doc.Document(lambda: data, lambda: page)
@@ -206,13 +206,13 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
-    first = doc.Instruction("Calibrate anew, which the push needs, and probe in the same way.")
+    first = doc.step("Calibrate anew, which the push needs, and probe in the same way.")
     if given.model.machine.vocabulary.measure:
         again = measure_again(given)
-        first = doc.Instruction("Measure again in the same way.", again)
+        first = doc.step("Measure again in the same way.", again)
     compare = command("verify", answer.input.path, "AFTER", machine=given.machine_file)
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
-    sections = [section, doc.next_steps((first, doc.Instruction("Compare the two.", compare)))]
+    sections = [section, doc.next_steps((first, doc.step("Compare the two.", compare)))]
     page = doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)
     return doc.Document(partial(answer.model_dump, mode="json"), lambda: page)
 

@@ -158,7 +158,7 @@ def _size(result: Verification, size_mm: float) -> str:
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
 
-def verification_steps(result: Verification, *, brief: bool = False) -> Iterator[doc.Instruction]:
+def verification_steps(result: Verification, *, brief: bool = False) -> Iterator[doc.Line]:
     """Next steps after the adjustment was measured.
 
     `brief` is for a screen, which says the answer above and is no report.
@@ -170,28 +170,28 @@ def verification_steps(result: Verification, *, brief: bool = False) -> Iterator
         if any(reason.code == "order_as_given" for reason in result.reservations):
             typed = command("report", after, machine=machine_file, after=before)
             typed = command("verify", after, before, machine=machine_file) if brief else typed
-            yield doc.Instruction(f"If {after} was measured first", typed)
+            yield doc.step(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", after, machine=machine_file)
-            yield doc.Instruction("Find what else changed, or what was wrong before", typed)
+            yield doc.step("Find what else changed, or what was wrong before", typed)
         elif remedy := _remedy(result):
-            yield doc.Instruction(remedy)
-        yield doc.Instruction("Measure again, and compare again")
+            yield remedy
+        yield "Measure again, and compare again"
     elif outcome is Outcome.FAIL:
-        yield doc.Instruction(
+        yield doc.step(
             "The offsets are right, but a deviation is beyond the limit: find its cause",
             command("diagnose", after, machine=machine_file),
         )
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
-            yield doc.Instruction("To decide by the limit, lower U: measure more cycles", again)
+            yield doc.step("To decide by the limit, lower U: measure more cycles", again)
         if brief and result.differences:
             limit = result.decision and result.decision.limit_mm
             write = command("report", before, machine=machine_file, after=after, limit=limit)
-            yield doc.Instruction("Write the report, and keep it with the machine", write)
+            yield doc.step("Write the report, and keep it with the machine", write)
         elif outcome is not Outcome.UNDECIDED:
-            yield doc.Instruction("Nothing more: keep this report with the machine.")
+            yield "Nothing more: keep this report with the machine."
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
