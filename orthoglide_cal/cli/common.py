@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from orthoglide_cal.files.probe_readings import PrinterFile
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.model.model import Model
-    from orthoglide_cal.planning.steps import MeasuringProtocol
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.document import Document
 
@@ -199,15 +198,25 @@ DETAILS = flag("--details", "Show everything. Default: one screen.")
 JSON = flag("--json", "Print JSON: one object for each file, one per line.")
 
 
-def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
-    """The protocol of --protocol or --design; None if neither says. Raises UsageError."""
-    from orthoglide_cal.planning.steps import MeasuringProtocol
+def asked_session(
+    protocol: Protocol, design: Design, cycles: Count, order: Order, gauges: Count
+) -> dict[str, object]:
+    """What the options ask of a `GuidedSession`, by its fields; the others are as usual.
+
+    Raises UsageError: two of them exclude each other.
+    """
+    from orthoglide_cal.planning import steps
 
     if design and protocol:
         raise UsageError("--design and --protocol exclude each other.", "Leave out --protocol.")
-    if design:
-        return MeasuringProtocol.BEST
-    return MeasuringProtocol(f"{protocol}-posture") if protocol else None
+    name = "best-design" if design else protocol and f"{protocol}-posture"
+    asked = {
+        "protocol": name and steps.MeasuringProtocol(name),
+        "cycles": cycles,
+        "order": order and steps.Order(order),
+        "stands": gauges,
+    }
+    return {field: value for field, value in asked.items() if value is not None}
 
 
 def agreement(yes: bool, fault: str) -> Callable[[str], bool]:

@@ -81,7 +81,6 @@ def measure(
     json: bool = common.JSON,
 ) -> int:
     """Measure, guided step by step. Every reading is checked and saved at once."""
-    from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
     from orthoglide_cal.session.events import GaugeLabel
@@ -107,10 +106,7 @@ def measure(
         keeper=common.chosen_machine(machine) if then else None,
         following=then,
         choice=choice,
-        protocol=common.measuring_protocol(protocol, design),
-        cycles=cycles,
-        order=Order(order) if order else None,
-        stands=gauges,
+        session=common.asked_session(protocol, design, cycles, order, gauges),
         source=tuple(gauge or ()),
         follow=follow,
         seed=seed,

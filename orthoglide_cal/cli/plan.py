@@ -53,7 +53,7 @@ def plan(
     from orthoglide_cal.planning import rank_measurements
     from orthoglide_cal.planning.plan import chosen_session, measurement_plan
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
-    from orthoglide_cal.planning.steps import Order, Session, require_on_bar
+    from orthoglide_cal.planning.steps import GuidedSession, require_on_bar
     from orthoglide_cal.report.documents.plan import plan_document
 
     if target is not None and cycles is not None:
@@ -63,11 +63,11 @@ def plan(
         raise UsageError(
             "--template, --approach and --travel need --program.", "Name its file: --program FILE"
         )
-    asked = common.measuring_protocol(protocol, design), cycles, order and Order(order), gauges
-    session = Session.asked_for(*asked) if any(asked) else None
+    asked = common.asked_session(protocol, design, cycles, order, gauges)
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.usual_machine(machine)
     with common.working(file or "A plan"):
+        session = GuidedSession().changed(**asked) if asked else None
         chosen = chosen_session(model, session, target, layout)
     if program is not None:
         guided = (session := chosen.session) is not None  # no layout

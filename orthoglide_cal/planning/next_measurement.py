@@ -51,9 +51,9 @@ from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.plan import estimator_for, lengths
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import (
+    GuidedSession,
     MeasuringProtocol,
     Order,
-    Session,
     clock,
     steps_of,
     timed_plan,
@@ -88,7 +88,7 @@ def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
     for cycles in ALONE:
-        session = Session(protocol, cycles)
+        session = GuidedSession(protocol=protocol, cycles=cycles)
         plan, minutes = timed_plan(session.steps(machine), MINUTES_PER_SETUP)
         task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
         yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=session.options)

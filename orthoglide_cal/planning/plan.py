@@ -33,16 +33,16 @@ from orthoglide_cal.estimation.budget import (
     influences,
 )
 from orthoglide_cal.inference import NextMeasurement
-from orthoglide_cal.model.machine import Influence, Layout, Origin, Suspicion
+from orthoglide_cal.model.machine import Influence, Origin, Suspicion
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import TRACE_SIGMA, separations
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
+    GuidedSession,
     MeasuringProtocol,
     Order,
-    Session,
     gauge_moves,
     timed_plan,
 )
@@ -71,6 +71,7 @@ CERTAIN_SIGMA = 5.0
 # The scatter of readings: what their number averages.
 AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
+_USUAL = GuidedSession()
 
 
 # --- the forecast of one session --------------------------------------------------------------
@@ -81,7 +82,7 @@ class SessionForecast(Schema):
 
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
-    session: Session | None = Field(None, exclude=True)  # None for a layout
+    session: GuidedSession | None = Field(None, exclude=True)  # None for a layout
     name: str = Field(serialization_alias="layout")  # of a session its protocol
     what: str
     method: Method = Method.READINGS  # by which its readings are solved
@@ -90,10 +91,6 @@ class SessionForecast(Schema):
     minutes: Minutes
     gauge_at: float | None = None  # along the leg; None for a layout, or for several places
     postures_mm: tuple[float, ...] = ()  # displacements, in their order
-
-    @classmethod
-    def of(cls, model: Model, layout: Layout) -> "SessionForecast":
-        return cls(model=model, **layout._asdict())
 
     @computed_field
     @property
@@ -214,7 +211,7 @@ def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
 # The same sessions are asked for by number of cycles, by target and by comparison.
 @lru_cache(maxsize=128)
 def forecast(
-    model: Model, session: Session = Session(), method: Method = Method.READINGS
+    model: Model, session: GuidedSession = _USUAL, method: Method = Method.READINGS
 ) -> SessionForecast:
     """Forecast a session, as `measure` guides it, by a method that its readings can feed."""
     steps = session.steps(model.machine)
@@ -236,7 +233,7 @@ def forecast(
 
 
 def fewest_cycles(
-    model: Model, session: Session, wanted_mm: float, method: Method = Method.READINGS
+    model: Model, session: GuidedSession, wanted_mm: float, method: Method = Method.READINGS
 ) -> SessionForecast | None:
     """The shortest session of this kind that leaves no U larger than wanted.
 
@@ -244,7 +241,7 @@ def fewest_cycles(
     """
 
     def at(cycles: int) -> SessionForecast:
-        return forecast(model, session._replace(cycles=cycles), method)
+        return forecast(model, session.changed(cycles=cycles), method)
 
     # More cycles never leave a larger U.
     numbers = range(1, MOST_CYCLES + 1)
@@ -330,16 +327,18 @@ def measurement_plan(
     machine, compare, (shown, design) = model.machine, list[SessionForecast](), _offered(model)
     if session is not None:
         numbers = sorted({*SHOWN_CYCLES, session.cycles})
-        shown = tuple(forecast(model, session._replace(cycles=n)) for n in numbers)
-        floor = forecast(model, session._replace(cycles=MOST_CYCLES)).floor
-        compared = session._replace(cycles=min(session.cycles, MOST_COMPARED))
+        shown = tuple(forecast(model, session.changed(cycles=n)) for n in numbers)
+        floor = forecast(model, session.changed(cycles=MOST_CYCLES)).floor
+        compared = session.changed(cycles=min(session.cycles, MOST_COMPARED))
         plan, worst_mm = forecast(model, compared).plan, chosen.worst_mm * (1.0 + ROUNDING)
-        best = session._replace(protocol=MeasuringProtocol.BEST, order=Order.FEWEST_MOVES)
+        # Two gauges move as rarely in either order.
+        order = Order.FEWEST_MOVES if session.stands == 1 else session.order
+        best = session.changed(protocol=MeasuringProtocol.BEST, order=order)
         # For the same U; with as many cycles where no number reaches it.
         design = fewest_cycles(model, best, worst_mm) or forecast(model, best)
         for protocol, methods in METHODS.items() if details else ():
-            fewest = partial(fewest_cycles, model, best._replace(protocol=protocol), worst_mm)
-            compare += filter(None, map(fewest, methods))
+            way = session.changed(protocol=protocol, order=Order.FEWEST_MOVES)
+            compare += filter(None, map(partial(fewest_cycles, model, way, worst_mm), methods))
     target = None
     if target_mm is not None:
         reached = chosen.worst_mm <= target_mm
@@ -377,7 +376,7 @@ def measurement_plan(
 
 def chosen_session(
     model: Model,
-    session: Session | None = None,
+    session: GuidedSession | None = None,
     target_mm: float | None = None,
     layout: str | None = None,
 ) -> SessionForecast:
@@ -397,7 +396,7 @@ def chosen_session(
     model.machine.check_guided()
     if layout is not None:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
-    session = session or Session()
+    session = session or _USUAL
     shortest = target_mm and fewest_cycles(model, session, target_mm)
     return shortest or forecast(model, session)
 
@@ -410,12 +409,12 @@ def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], SessionForecast
     """
     machine, best, most = model.machine, None, 0.0
     for layout in machine.distinguishing_layouts():
-        design = SessionForecast.of(model, layout)
+        design = SessionForecast(model=model, **layout._asdict())
         if (sigma := design.rivals_sigma) is None:
             break
         if sigma > most:
             best, most = design, sigma
         if sigma >= CERTAIN_SIGMA:
             break
-    offered = (SessionForecast.of(model, layout) for layout in machine.layouts())
+    offered = (SessionForecast(model=model, **one._asdict()) for one in machine.layouts())
     return (*offered, *filter(None, [best])), best

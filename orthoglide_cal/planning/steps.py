@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from orthoglide_cal.model.orthoglide import (
 )
 from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture, Series
+from orthoglide_cal.schema import Schema
 
 # Pace assumed for what else is done between readings [min].
 MINUTES_PER_TURN = 3.0  # turn a bar half round
@@ -100,30 +100,13 @@ class SessionStep:
         return self.setup, self.leg, self.posture, self.cycle, self.cell.entered
 
 
-class Session(NamedTuple):
+class GuidedSession(Schema):
     """What is measured in one sitting, by a protocol; the usual one where nothing is said."""
 
     protocol: MeasuringProtocol = MeasuringProtocol.DOUBLE
     cycles: int = CYCLES  # repeats of its postures on each leg, and a closing one
     order: Order = Order.PAPER
     stands: int = 2  # gauges read side by side; the single-posture protocol uses one
-
-    @classmethod
-    def asked_for(
-        cls,
-        protocol: MeasuringProtocol | None,
-        cycles: int | None,
-        order: Order | None,
-        stands: int | None,
-    ) -> Self:
-        """The session that is asked for; usual in what is None."""
-        usual = cls()
-        return cls(
-            protocol or usual.protocol,
-            cycles or usual.cycles,
-            order or usual.order,
-            stands or usual.stands,
-        )
 
     def steps(self, machine: Machine) -> tuple[SessionStep, ...]:
         """All steps; the joint limits of the machine are the Max and Min postures."""
@@ -140,13 +123,13 @@ class Session(NamedTuple):
     @property
     def options(self) -> str:
         """Options of `measure` and `plan` for it; none for the usual one."""
-        single, alone = self.protocol is MeasuringProtocol.SINGLE, self.stands == 1
+        single = self.protocol is MeasuringProtocol.SINGLE
         options = {
             "--protocol single": single,
             "--design best": self.protocol is MeasuringProtocol.BEST,
             f"--cycles {self.cycles}": self.cycles != CYCLES,
-            f"--order {self.order}": self.order is not Order.PAPER and (alone or single),
-            "--gauges 1": alone and not single,
+            f"--order {self.order}": self.order is not Order.PAPER,
+            "--gauges 1": self.stands == 1 and not single,
         }
         return " ".join(option for option, needed in options.items() if needed)
 

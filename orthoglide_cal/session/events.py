@@ -17,7 +17,13 @@ from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import PlannedTouch
 from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.orthoglide import PlannedReading
-from orthoglide_cal.planning.steps import MOST_CYCLES, NOTHING_ENTERED, MeasuringProtocol, Order
+from orthoglide_cal.planning.steps import (
+    MOST_CYCLES,
+    NOTHING_ENTERED,
+    GuidedSession,
+    MeasuringProtocol,
+    Order,
+)
 from orthoglide_cal.schema import Schema, text_that
 
 
@@ -97,6 +103,12 @@ class Opened(Event):
     operator: str = ""
     temperature_c: float | None = None
     gauges: tuple[GaugeLabel, ...] = ()
+
+    @property
+    def session(self) -> GuidedSession:
+        """What is measured where no record behind this one says it."""
+        fields = {name: getattr(self, name) for name in GuidedSession.model_fields}
+        return GuidedSession().changed(**fields)
 
     def gauge_id(self, stand: int) -> str | None:
         """Name of the gauge on this stand; None if nobody gave one."""

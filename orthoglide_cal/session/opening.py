@@ -6,9 +6,9 @@ Also what is measured next where earlier readings are continued, and where the s
 import os
 import re
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from operator import attrgetter
 from pathlib import Path
@@ -29,9 +29,8 @@ from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
+    GuidedSession,
     MeasuringProtocol,
-    Order,
-    Session,
     SessionStep,
     require_on_bar,
     steps_of,
@@ -66,10 +65,7 @@ class Request:
     keeper: machine_file.StoredMachine | None = None  # of what is entered, where data continue
     following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
-    protocol: MeasuringProtocol | None = None
-    cycles: int | None = None
-    order: Order | None = None
-    stands: int | None = None
+    session: Mapping[str, object] = field(default_factory=dict)  # given fields of `GuidedSession`
     source: tuple[str, ...] = ()
     follow: str | None = None  # address of the controller whose machine is waited for
     seed: int | None = None
@@ -135,9 +131,9 @@ def _check_options(request: Request) -> None:
         raise UsageError(fault, "Name another file for the session that will hold both.")
     options = {
         "--resume": request.resume,
-        "--protocol or --design": request.protocol,
-        "--cycles": request.cycles,
-        "--order": request.order,
+        "--protocol or --design": request.session.get("protocol"),
+        "--cycles": request.session.get("cycles"),
+        "--order": request.session.get("order"),
         "--until": request.until_mm,
     }
     for name in (name for name, value in options.items() if value):
@@ -152,12 +148,12 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     has agreed already, or has no terminal. What the command line leaves open is standard.
     """
     first, following, change = None, None, ""
-    asked = request.protocol, request.cycles, request.order, request.stands
-    protocol, cycles, order, stands = session = Session.asked_for(*asked)
+    session = GuidedSession().changed(**request.session)
     if request.following is None:
         model = request.model or request.otherwise()
         model.machine.check_guided()
-        stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
+        if session.protocol is MeasuringProtocol.SINGLE:
+            session = session.changed(stands=1)
         steps = session.steps(model.machine)
         plan = plan_of([step.cell for step in steps])
     else:
@@ -204,12 +200,12 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     if first:
         # What others are joined to keeps the machine as it was for the first of them.
         model = first.model
-        steps = steps_of(plan, model.machine, order, stands)
-        cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
-    version = 2 if first or protocol is MeasuringProtocol.BEST else 1
+        steps = steps_of(plan, model.machine, session.order, session.stands)
+        most = max(step.cycle for step in steps)
+        session = session.changed(cycles=min(most, MOST_CYCLES))
+    version = 2 if first or session.protocol is MeasuringProtocol.BEST else 1
     opened = events.Opened(
-        at=clock(), version=version, protocol=protocol,
-        machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
+        **dict(session), at=clock(), version=version, machine=machine_file.machine_text(model),
         source=source, seed=seed, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
@@ -243,7 +239,7 @@ def planned_next(
             " measurement needs the machine and the stands as they were.",
             "Leave out --choice for one with the stands set up again.",
         )
-    if option.continues and request.stands == 1 and len(set(plan.series)) > 1:
+    if option.continues and request.session.get("stands") == 1 and len(set(plan.series)) > 1:
         fault = "That measurement needs the two gauges where they are."
         raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
     following = events.Following(
@@ -334,8 +330,7 @@ def setting_in(
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is None:
-        session = Session(opened.protocol, opened.cycles, opened.order, opened.stands)
-        steps = session.steps(model.machine)
+        steps = opened.session.steps(model.machine)
     elif not steps:
         plan = planned.readings[0].planned(planned.readings)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
@@ -368,10 +363,10 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
     # What the controller held was asked when the session began; the file may say otherwise.
     asked = _holding(request.model or model, request.offsets_mm or model.machine.active)
     one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
-    fixed = ("protocol", "cycles", "order", "seed")
+    names = {"stands": "gauges side by side"}
     pairs: list[tuple[str, object, object]] = [
-        *((name, getattr(opened, name), getattr(request, name)) for name in fixed),
-        ("gauges side by side", opened.stands, request.stands),
+        *((names.get(k, k), getattr(opened, k), asked) for k, asked in request.session.items()),
+        ("seed", opened.seed, request.seed),
         *((f"machine, {k}", one.get(k, "none"), other.get(k, "none")) for k in one | other),
     ]
     if request.source and (SIMULATED in request.source) != (SIMULATED in opened.source):

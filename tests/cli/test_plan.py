@@ -257,7 +257,7 @@ def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
     shown = run("plan", DOUBLE, "--details").stdout
     (solved,) = lines(run("solve", DOUBLE, "--json"))
     now = max(each["expanded"] for each in solved["parameters"])
-    assert "✔ Nothing needs to be measured" in shown
+    assert "✔ Nothing is undecided" in shown
     assert shown.index("1. See what to enter") < shown.index("2. Or, to reduce U: ")
     assert f"Now it is ± {now:.3f} mm." in " ".join(shown.replace("│", " ").split())
     assert re.search(rf"^ +{now:.3f}  nothing: U as it is$", shown, re.MULTILINE)

@@ -19,7 +19,7 @@ from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import chosen_session, forecast, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations
-from orthoglide_cal.planning.steps import MeasuringProtocol, Session, design_of
+from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, design_of
 from tests import truth
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, both_models, sure
@@ -69,7 +69,7 @@ def test_no_postures_along_the_legs_do_better(machine: Machine) -> None:
 def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     """For the same variance of the worst offset; test_forecast finds these by Monte Carlo."""
     forecasts = (
-        forecast(sure(model), Session(protocol, cycles))
+        forecast(sure(model), GuidedSession(protocol=protocol, cycles=cycles))
         for protocol, cycles in ((MeasuringProtocol.BEST, 5), (MeasuringProtocol.DOUBLE, 3))
     )
     costs = [max(each.noise_std_mm.values()) ** 2 * len(each.plan) for each in forecasts]
@@ -188,7 +188,7 @@ def test_separations_are_those_of_the_truth(
 @both_models
 @pytest.mark.parametrize("protocol", [DOUBLE, SINGLE, BEST])
 def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -> None:
-    plan = measurement_plan(forecast(model, Session(protocol)))
+    plan = measurement_plan(forecast(model, GuidedSession(protocol=protocol)))
     assert "leg_length" in plan.invisible
     assert "leg_length" not in plan.trace
     assert "axis_gap" in plan.trace

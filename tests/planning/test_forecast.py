@@ -22,8 +22,8 @@ from orthoglide_cal.planning.plan import (
 )
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
+    GuidedSession,
     MeasuringProtocol,
-    Session,
     clock,
     gauge_moves,
 )
@@ -82,7 +82,7 @@ def test_predicted_noise_is_what_monte_carlo_finds(
     model: Model, protocol: MeasuringProtocol, name: str, cycles: int
 ) -> None:
     method, gauge = Method(name), model.machine.gauge
-    found = forecast(model, Session(protocol, cycles), method)
+    found = forecast(model, GuidedSession(protocol=protocol, cycles=cycles), method)
     plan = found.plan
     rng = np.random.default_rng(12)
     signal = true_readings(plan, model.machine, OFFSETS)
@@ -109,7 +109,7 @@ def test_the_expected_uncertainty_is_what_solve_gives(
     known = sure(model).machine
     loose = Model(known.changed(gauge=known.gauge.changed(placement_mm=6.0)))
     for machine, within in ((model, 0.02), (sure(model), 0.06), (loose, 0.06)):
-        found = forecast(machine, Session(protocol), Method(name))
+        found = forecast(machine, GuidedSession(protocol=protocol), Method(name))
         rng, reach = np.random.default_rng(7), []
         for _ in range(60):
             offsets = OFFSET_MM * rng.choice([-1.0, 1.0], 3)
@@ -121,17 +121,17 @@ def test_the_expected_uncertainty_is_what_solve_gives(
 @pytest.mark.parametrize("protocol", MeasuringProtocol)
 def test_spare_readings_are_the_degrees_of_freedom(protocol: MeasuringProtocol) -> None:
     """Each zero and each offset takes one reading away; where noise is all, k is Student's t."""
-    found = forecast(sure(NOMINAL), Session(protocol, 1))
+    found = forecast(sure(NOMINAL), GuidedSession(protocol=protocol, cycles=1))
     spare = len(found.plan) - found.plan.setups - 3
     assert found.budget.k == pytest.approx(stats.t.ppf(0.975, spare))
 
 
 def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     """Which is 1.96 times a plausible leg, and a little."""
-    floor = forecast(NOMINAL, Session(cycles=MOST_CYCLES)).floor
+    floor = forecast(NOMINAL, GuidedSession(cycles=MOST_CYCLES)).floor
     assert floor.largest.source == "leg_length"
     below = 0.99 * float(floor.expanded_mm.max())
-    assert fewest_cycles(NOMINAL, Session(), below) is None
+    assert fewest_cycles(NOMINAL, GuidedSession(), below) is None
     assert floor.expanded_mm.max() == pytest.approx(1.96 * 0.01, rel=0.03)
     # Of a shorter session more is left beside noise, for its readings tell less of it.
     shorter = forecast(NOMINAL).floor
@@ -142,23 +142,23 @@ def test_no_number_of_cycles_reaches_below_the_floor() -> None:
 @both_models
 def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
     for protocol in MeasuringProtocol:
-        session = forecast(model, Session(protocol))
+        session = forecast(model, GuidedSession(protocol=protocol))
         stands = 1 if protocol is SINGLE else 2
-        steps = Session(protocol, stands=stands).steps(model.machine)
+        steps = GuidedSession(protocol=protocol, stands=stands).steps(model.machine)
         assert session.minutes == clock(steps)[-1]
         assert session.gauge_moves == gauge_moves(steps)
         assert len(steps) == len(session.plan)
         # The last reading is taken one posture before the end.
         last = 60.0 * session.plan.hours.max()
         assert last == pytest.approx(session.minutes - MINUTES_PER_POSTURE)
-    one, two = (forecast(model, Session(stands=stands)) for stands in (1, 2))
+    one, two = (forecast(model, GuidedSession(stands=stands)) for stands in (1, 2))
     assert one.minutes > two.minutes
     assert one.noise_std_mm == pytest.approx(two.noise_std_mm)
 
 
 @both_models
 def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
-    plan = measurement_plan(forecast(model, Session(cycles=2)))
+    plan = measurement_plan(forecast(model, GuidedSession(cycles=2)))
     assert {(way.name, way.method) for way in plan.compare} == {
         (protocol, method) for protocol, methods in METHODS.items() for method in methods
     }
@@ -167,7 +167,9 @@ def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
         cycles = way.cycles
         assert way.worst_mm <= plan.chosen.worst_mm * (1.0 + 1e-6)
         if cycles > 1:
-            shorter = forecast(model, Session(way.name, cycles - 1), way.method)
+            shorter = forecast(
+                model, GuidedSession(protocol=way.name, cycles=cycles - 1), way.method
+            )
             assert shorter.worst_mm > plan.chosen.worst_mm
     own = next(way for way in plan.compare if (way.name, way.method) == (DOUBLE, "readings"))
     assert own.cycles == 2
@@ -175,11 +177,11 @@ def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
 
 def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
     """One move for each leg and one between the legs; every move of it takes its time."""
-    plan = measurement_plan(forecast(NOMINAL, Session(stands=1)))
+    plan = measurement_plan(forecast(NOMINAL, GuidedSession(stands=1)))
     for way in plan.compare:
         if way.name is SINGLE:
             assert way.gauge_moves == 3
-    asked = measurement_plan(forecast(NOMINAL, Session(SINGLE)))
+    asked = measurement_plan(forecast(NOMINAL, GuidedSession(protocol=SINGLE)))
     assert asked.chosen.gauge_moves == 39
     # Twice ten postures, driven to once or once for each end; 19 slides, or one.
     assert asked.chosen.minutes == pytest.approx(2 * (10 * 0.4 + 19 * 0.5) + 4.0)
@@ -191,7 +193,7 @@ def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
 
 @pytest.mark.parametrize("protocol", list(MeasuringProtocol))
 def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
-    plan = measurement_plan(forecast(NOMINAL, Session(protocol)))
+    plan = measurement_plan(forecast(NOMINAL, GuidedSession(protocol=protocol)))
     assert [each.cycles for each in plan.by_cycles] == list(SHOWN_CYCLES)
     for fewer, more in pairwise(plan.by_cycles):
         assert np.all(more.budget.expanded_mm < fewer.budget.expanded_mm)
@@ -203,7 +205,7 @@ def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
 def test_what_stays_is_the_same_whatever_was_asked_for(protocol: MeasuringProtocol) -> None:
     """It is what is left of the longest session that `measure` guides without its noise."""
     plans = [
-        measurement_plan(forecast(NOMINAL, Session(protocol, cycles)))
+        measurement_plan(forecast(NOMINAL, GuidedSession(protocol=protocol, cycles=cycles)))
         for cycles in (1, MOST_CYCLES)
     ]
     (floor, same), longest = (plan.floor for plan in plans), plans[-1].chosen

@@ -24,7 +24,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.program import posture_program
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order, Session, SessionStep
+from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, Order, SessionStep
 from tests.cli.program import done, refusals, run
 from tests.machines import NOMINAL, PROTOTYPE, ROOT, both_models
 from tests.truth.forward import tool_from_carriages
@@ -134,7 +134,9 @@ def steps_of(
     order: Order = Order.PAPER,
     stands: int = 2,
 ) -> tuple[SessionStep, ...]:
-    return Session(protocol, 2, order, stands).steps(model.machine)
+    return GuidedSession(protocol=protocol, cycles=2, order=order, stands=stands).steps(
+        model.machine
+    )
 
 
 def ran(text: str, home: float, axes: tuple[str, ...] = ("X", "Y", "Z")) -> Controller:

@@ -10,9 +10,9 @@ from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.steps import (
     MINUTES_PER_TURN,
+    GuidedSession,
     MeasuringProtocol,
     Order,
-    Session,
     SessionStep,
     clock,
     gauge_moves,
@@ -29,7 +29,9 @@ def usual(
     order: Order = Order.PAPER,
     stands: int = 2,
 ) -> tuple[SessionStep, ...]:
-    return Session(protocol, cycles, order, stands).steps(PROTOTYPE)
+    return GuidedSession(protocol=protocol, cycles=cycles, order=order, stands=stands).steps(
+        PROTOTYPE
+    )
 
 
 def test_the_double_posture_session_is_that_of_section_4_1() -> None:

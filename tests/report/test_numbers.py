@@ -15,7 +15,7 @@ from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.plan import MeasurementPlan, chosen_session, measurement_plan
-from orthoglide_cal.planning.steps import MeasuringProtocol, Session
+from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.answer import diagnosis_document, solution_document
@@ -135,14 +135,14 @@ def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> 
 @pytest.mark.parametrize(
     ("model", "session", "target_mm"),
     [
-        (NOMINAL, Session(MeasuringProtocol.SINGLE, stands=1), 0.02),
-        (NOMINAL, Session(MeasuringProtocol.BEST, cycles=4), None),
+        (NOMINAL, GuidedSession(protocol=MeasuringProtocol.SINGLE, stands=1), 0.02),
+        (NOMINAL, GuidedSession(protocol=MeasuringProtocol.BEST, cycles=4), None),
         (Model(printer(V400, TOLERANCES)), None, None),
     ],
     ids=["single-posture", "best-design", "printer"],
 )
 def test_every_number_of_a_plan_is_in_its_json(
-    model: Model, session: Session | None, target_mm: float | None
+    model: Model, session: GuidedSession | None, target_mm: float | None
 ) -> None:
     plan = measurement_plan(chosen_session(model, session, target_mm), target_mm)
     assert missing(plan_document(plan), mapped(plan)) == []

@@ -13,7 +13,7 @@ import pytest
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order, Session, SessionStep
+from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, Order, SessionStep
 from orthoglide_cal.session.asking import Asker, Line, Show, Style
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.dialogue import Dialogue, Quit
@@ -51,7 +51,7 @@ def stands(protocol: MeasuringProtocol) -> int:
 
 
 def steps_of(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3) -> tuple[SessionStep, ...]:
-    return Session(protocol, cycles, stands=stands(protocol)).steps(PROTOTYPE)
+    return GuidedSession(protocol=protocol, cycles=cycles, stands=stands(protocol)).steps(PROTOTYPE)
 
 
 def setting_of(steps: Sequence[SessionStep], machine: Machine | None = None) -> Setting:
@@ -225,7 +225,7 @@ def a_dialogue(
         create(path, first or opened())
     journal = Journal.resume(path, stack := contextlib.ExitStack())
     begun = journal.events[0]
-    steps = Session(begun.protocol, begun.cycles, begun.order, begun.stands).steps(PROTOTYPE)
+    steps = begun.session.steps(PROTOTYPE)
     screen = Screen()
     asker = Asker(Script(lines), show or screen, gauge)
     file = path.with_suffix(".yaml")

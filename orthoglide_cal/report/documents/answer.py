@@ -444,7 +444,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns[head if brief else words.found] = changes(every)
     columns["± U"] = [two_figures(row.expanded) for row in every]
     if enter:
-        write = typed if brief and same else plain
+        write = typed if same else plain
         new = [write(row.new(answer.decimals), answer.decimals) for row in every]
         columns["enter"] = [doc.typed(text) for text in new]
     if brief:
