@@ -122,15 +122,13 @@ def test_what_is_undecided_adds_up(number: int) -> None:
     path = str(SAMPLES / f"experiment{number}.csv")
     case = answered(read_input(path, None, lambda: NOMINAL))
     lines = screen(diagnosis_document(case), MOST["undecided"])
-    title = (
-        " ".join(" ".join(lines).split()).partition("Undecided: ")[2].partition(" Orthoglide")[0]
-    )
+    said = " ".join(" ".join(lines).split())
+    title = said.partition("Undecided: ")[2].partition(" Orthoglide")[0]
     shares = [int(share) for share in re.findall(r"\((\d+) %\)", title)]
     assert sum(shares) == 100
     assert shares[:3] == sorted(shares[:3], reverse=True)
     patterns = [each.probability for each in case.answer.explanations if each.pattern]
-    unlisted = "something that is not on the list, such as a repeating deviation ("
-    assert (unlisted in title) == bool(patterns)
+    assert ("that is not on the list, such as a repeating deviation (" in title) == bool(patterns)
     head = next(k for k, line in enumerate(lines) if "r.m.s. left" in line)
     assert lines[head + 1].startswith("  offsets only ")
     fitted = [state for state in case.answer.explanations if state.parameters]
@@ -146,9 +144,8 @@ def test_a_headline_says_what_looks_the_same() -> None:
     shares = (("stand_shift", 0.51), (cause.id, 0.46))
     rivals = tuple(first.changed(ids=(id,), probability=share) for id, share in shares)
     answer = case.answer.changed(causes=(cause,), explanations=rivals)
-    assert headline(replace(case, answer=answer)).endswith(
-        "is wrong (misread 46.0 % or stand_shift 51.0 %)"
-    )
+    said = headline(replace(case, answer=answer))
+    assert said.endswith("is wrong (misread 46.0 % or stand_shift 51.0 %)")
 
 
 def test_residuals_of_a_named_cause_are_not_those_after_entering() -> None:
