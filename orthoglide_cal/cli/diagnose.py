@@ -64,6 +64,7 @@ def diagnose(
     if accept is not None and accept not in CAUSES:
         raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")
     full = details or json
+    asked = command("", options="--recalibrated" * recalibrated, holdout=holdout, applied=applied)
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
@@ -92,6 +93,7 @@ def diagnose(
         case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
         if together and diagnosed:
             case = replace(case, answer=with_dates(case.answer, diagnosed, dates))
+        case = replace(case, asked=asked.removeprefix("orthocal").strip())
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code
