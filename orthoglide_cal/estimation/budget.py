@@ -186,9 +186,8 @@ def _influences(
 ) -> tuple[Influence, ...]:
     offsets = np.frombuffer(point).reshape(shape)
     readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
-    same = plan.steps if model.repeats else plan
     gauges = model.machine.uncertain(
-        same, lambda other: readings if other is same else simulate(model, offsets, other)
+        plan, lambda other: readings if other is plan else simulate(model, offsets, other)
     )
     acting = [*gauges, *hidden]
     if model.accepted:
