@@ -189,6 +189,17 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(map(shortened, names[:10])) + more
 
 
+def together(ids: Sequence[str], none: str = "a sound machine") -> str:
+    """Causes that act together, or what is said without any.
+
+    >>> together(["axis_gap", "backlash", "misread"]), together([])
+    ('axis_gap with backlash and misread', 'a sound machine')
+    """
+    if not ids:
+        return none
+    return " with ".join(filter(None, (ids[0], " and ".join(ids[1:]))))
+
+
 def wrapped(text: str, columns: int) -> str:
     """Text whose lines end where a screen does, and go on indented as they began.
 

@@ -89,8 +89,8 @@ class StandShift(PatternCause):
     any_size = True
     instrument = "a last reading at the first posture, before a stand is moved"
     advice = (
-        "The stand was knocked: {where}. Clamp it again and repeat this leg from its first"
-        " isotropic reading."
+        "Clamp the stand again and repeat this leg from its first isotropic reading: the readings"
+        " step {where}."
     )
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:

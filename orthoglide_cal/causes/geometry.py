@@ -37,7 +37,7 @@ class AxisGap(Cause):
     """Distances between pairs of axes; rail x lies above rail y where g_xy > 0, and so on."""
 
     id = "axis_gap"
-    title = "the actuator axes do not meet in one point"
+    title = "the rails do not meet in one point"
     unit = "mm"
     # Usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2).
     sizes = MappingProxyType({Orthoglide: 0.5})
@@ -62,7 +62,7 @@ class AxisSquareness(Cause):
     """How far the angles between pairs of axes fall short of 90°; the axes still meet."""
 
     id = "axis_squareness"
-    title = "the actuator axes are not square to each other"
+    title = "the rails are not square to each other"
     unit = "mrad"
     sizes = MappingProxyType({Orthoglide: 1.0})  # 0.2 mm over a 200 mm square, the same alignment
     scale = 1e-3

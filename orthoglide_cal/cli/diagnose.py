@@ -46,6 +46,7 @@ def diagnose(
     from orthoglide_cal.report.documents.answer import diagnosis_document
     from orthoglide_cal.results import with_dates
     from orthoglide_cal.results.history import in_order, wrong_order
+    from orthoglide_cal.results.verification import in_wrong_order
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -58,9 +59,12 @@ def diagnose(
         raise UsageError("--accept goes with one file.", "Name the readings to identify it from.")
     if output is not None and accept is None:
         raise UsageError("--output goes with --accept.", "Name the cause to accept.")
+    if str(output) == "-":
+        raise UsageError("Standard output holds the diagnosis.", "Name a file: --output FILE")
     if accept is not None and accept not in CAUSES:
         raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")
     full = details or json
+    asked = command("", options="--recalibrated" * recalibrated, holdout=holdout, applied=applied)
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
@@ -71,7 +75,7 @@ def diagnose(
         later = read_input(holdout, by, stored=data) if holdout else None
         if holdout and later:
             require_distinct([*dates, later])
-            if in_order([given, later])[0][0] is later:
+            if in_wrong_order(given, later):
                 right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
                 raise wrong_order(later, given, right)
         # Without a diagnosis the answer is that of solve.
@@ -89,6 +93,7 @@ def diagnose(
         case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
         if together and diagnosed:
             case = replace(case, answer=with_dates(case.answer, diagnosed, dates))
+        case = replace(case, asked=asked.removeprefix("orthocal").strip())
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code

@@ -28,20 +28,21 @@ def history(
     from orthoglide_cal.session.adjusting import adjusted_since
     from orthoglide_cal.words import counted
 
-    paths: list[Path] = []
-    for path in map(Path, sessions):
-        within = sessions_in(path) if path.is_dir() else [path]
-        paths += within + sorted(printers_in(path))
-    inputs = []
-    for path in paths:
-        try:
-            inputs.append(common.read_input(str(path), machine, data))
-        except InputError as error:
-            error.remedy = f"{error.remedy} Or leave it out: name the other files.".strip()
-            raise
-    with common.working(counted(len(paths), "file")):
+    inputs, unread = [], list[str]()
+    for given in map(Path, sessions):
+        within = [*sessions_in(given), *sorted(printers_in(given))] if given.is_dir() else [given]
+        for path in within:
+            try:
+                inputs.append(common.read_input(str(path), machine, data))
+            except InputError as error:
+                if path == given:
+                    error.remedy = f"{error.remedy} Or leave it out: name the other files.".strip()
+                    raise
+                common.tell(f"Left out: {error}")
+                unread.append(path.name)
+    with common.working(counted(len(inputs), "file")):
         adjusted = {one.measured.source.sha256: adjusted_since(one) for one in inputs}
-        comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted)
+        comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted, unread)
     page = history_document(comparison, machine)
     common.deliver(
         page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

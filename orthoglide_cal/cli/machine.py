@@ -123,7 +123,11 @@ def new(
         while place < len(keys):
             goes_on = _ask(answers, keys[place], asked[keys[place]], target)
             place = place + 1 if goes_on else max(place - 1, 0)
-    write_text(target, _made(answers, target).document.text)
+    text = _made(answers, target).document.text
+    if str(target) == "-":
+        common.put(text)
+        return
+    write_text(target, text)
     show(target, json)
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.sentences import sentence

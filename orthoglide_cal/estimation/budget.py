@@ -6,6 +6,7 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -174,11 +175,20 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     """All that act on n readings, at offsets Δρ (..., 3) [mm]; their columns are (..., n, p).
 
-    Machine and gauge give the sizes, accepted causes their own uncertainty.
+    Machine and gauge give the sizes, accepted causes their own uncertainty. Some ask the same.
     """
+    return _influences(model, offsets.shape, offsets.tobytes(), plan)
+
+
+@functools.lru_cache(maxsize=8)
+def _influences(
+    model: Model, shape: tuple[int, ...], point: bytes, plan: Plan
+) -> tuple[Influence, ...]:
+    offsets = np.frombuffer(point).reshape(shape)
     readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
+    same = plan.steps if model.repeats else plan
     gauges = model.machine.uncertain(
-        plan, lambda other: readings if other is plan else simulate(model, offsets, other)
+        same, lambda other: readings if other is same else simulate(model, offsets, other)
     )
     acting = [*gauges, *hidden]
     if model.accepted:
@@ -187,8 +197,10 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
             Influence(effect.cause.id, None, "", False, columns)
             for effect, columns in zip(model.accepted, carried, strict=True)
         ]
+    if offsets.ndim == 1:
+        return tuple(acting)
     # What does not depend on the offsets is the same at all of them.
-    shapes = ((*offsets.shape[:-1], *one.columns.shape[-2:]) for one in acting)
+    shapes = ((*shape[:-1], *one.columns.shape[-2:]) for one in acting)
     pairs = zip(acting, shapes, strict=True)
     return tuple(replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs)
 

@@ -329,6 +329,7 @@ def promise(
     entered: Floats,
     right: Measured | None = None,
     corrected: Iterable[Effect] = (),
+    unsure_mm: Floats | float = 0.0,
 ) -> tuple[PromisedDifference, ...]:
     """Measured, modelled and expected differences, in the order of Table 4.
 
@@ -343,6 +344,7 @@ def promise(
         corrected: what the controller does from then on against causes, besides the offsets.
         right: the data without faults that will not return, such as a misreading; None if there
             are none.
+        unsure_mm: standard deviation of each reading besides its noise, shape (n,).
     """
     if all(kind is DataKind.READINGS for kind in measured.kinds):
         return ()  # no differences of the paper can be made of these data
@@ -357,6 +359,7 @@ def promise(
     expected = kept + left - modelled
     # The same readings are taken once before and once after.
     scatter = 2.0 * known.noise.sigma_mm**2 * np.diag(problem.covariance())
+    scatter += 2.0 * ((np.asarray(problem.matrix) * unsure_mm) ** 2).sum(axis=1)
     # What one standard deviation of each other source changes in the effect of what is entered.
     sources = [(second - first) @ np.linalg.cholesky(known.budget.covariance_mm2)]
     for influence in influences(known.model, both, problem.plan):

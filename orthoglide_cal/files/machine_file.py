@@ -56,6 +56,8 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
+_CORRECTED = re.compile(r"^corrected:.*\n(?: .*\n)*", re.MULTILINE)
+_HISTORY = re.compile(r"^history:", re.MULTILINE)
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
@@ -376,9 +378,12 @@ def with_history(
     model = replace(model, machine=model.machine.changed(history=history))
     values, before, text = machine_values(model), machine_values(file.model), file.document.text
     keys = [key for key in {**values, **before} if values.get(key) != before.get(key)]
-    if "corrected" in keys:
-        text = edited(text, {"corrected": []})  # no key of the old ones stays
-    text = edited(text, {key: values.get(key, {}) for key in keys})
+    text = edited(text, {key: values.get(key, {}) for key in keys if key != "corrected"})
+    if "corrected" in keys:  # in front of the history, which stays in front of the last line
+        new = yaml_text({"corrected": values["corrected"]}) if "corrected" in values else ""
+        text = _HISTORY.sub(f"{new}history:", _CORRECTED.sub("", text))
+    if not history and not text.startswith(WRITTEN):  # such a file had no line for it
+        text = text.removesuffix("history: []\n")
     with suppress(InputError):
         if machine_values(machine_from_text(text, file.document.path)) == values:
             return replace(file, model=model, document=replace(file.document, text=text))

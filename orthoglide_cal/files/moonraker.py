@@ -7,7 +7,7 @@ sent to this server only.
 import os
 import re
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from threading import Thread
 from typing import TypeVar
 
@@ -134,8 +134,10 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     given = {name: value for name, value in headers.items() if value}
 
     def exchange() -> tuple[int, str, bytes]:
-        connection.request("GET" if body is None else "POST", path, body, given)
-        with connection.getresponse() as answer:
+        # Closed by who reads: to close what another thread reads waits for all that it reads.
+        with closing(connection):
+            connection.request("GET" if body is None else "POST", path, body, given)
+            answer = connection.getresponse()
             data = answer.read(_LARGEST + 1)
             if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
                 raise HTTPException("the answer was cut off")
@@ -148,8 +150,6 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
         reason = "no answer in time" if "timed out" in reason else reason
         remedy = "Check the address, the port, and that the printer is switched on."
         raise InputError(f"The server cannot be read: {reason}.", remedy, file=address) from error
-    finally:
-        connection.close()
     problem, remedy = f"The server answers {status} {visible(words)}.", "Check the address."
     if status in (403, 503) and (answer := _value(data, "error", "message")):
         reason = visible(str(answer))[:300].removesuffix(".")

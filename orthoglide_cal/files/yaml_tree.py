@@ -99,9 +99,11 @@ def load_tree(file: FileText) -> Content:
         remedy = "Check indentation, colons and quotes."
         if problem is None:
             problem, remedy = "a character is not allowed", "Save it as plain UTF-8 text."
-        elif "\\t" in problem:
-            remedy = "Indent with spaces, not tabs."
-        line, what = mark.line + 1 if mark else None, f"This is not valid YAML: {problem}."
+        line = mark.line + 1 if mark else None
+        blanks = "".join(file.text.splitlines()[line - 1 : line]) if line else ""
+        if "\t" in blanks[: len(blanks) - len(blanks.lstrip())]:
+            problem, remedy = "a tab in the indentation", "Indent with spaces, not tabs."
+        what = f"This is not valid YAML: {problem}."
         if "nesting depth" in problem:  # a limit of the parser, which looks ahead
             what, remedy = _TOO_DEEP
         raise InputError(what, remedy, file=file.path, line=line) from error

@@ -30,7 +30,7 @@ from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
-from orthoglide_cal.estimation.methods import LeastSquaresFit
+from orthoglide_cal.estimation.methods import LeastSquaresFit, pose_plan
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
 from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
@@ -193,6 +193,13 @@ class Whitened(ReadOnly):
         """W, shape (k, n)."""
         return self.problem.matrix
 
+    def places(self, extras: Iterable[PatternCause | RelabelCause]) -> list[Placed]:
+        """Places of each extra; most act the same whenever the readings were taken."""
+        problem = whenever = self.problem
+        if self.raw:
+            whenever = pose_plan(self.plan.steps, problem.model, DataKind.READINGS)
+        return [places_of(problem if e.unit == PER_HOUR else whenever, e) for e in extras]
+
     def scaled(self, factor: float, causes: Iterable[Cause]) -> Whitened:
         """The same with the plausible sizes of these causes multiplied."""
         machine = self.machine
@@ -302,32 +309,28 @@ class Placed:
         return read_only([self.log_weight[place] for place in self.tried])
 
 
-@functools.lru_cache(maxsize=4)
-def places_of(
-    problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
-) -> tuple[Placed, ...]:
-    """Places of each extra, whatever the data, and W·pattern of all places of a pattern cause.
+@functools.lru_cache(maxsize=32)
+def places_of(problem: Problem, cause: PatternCause | RelabelCause) -> Placed:
+    """Places of an extra, whatever the data, and W·pattern of all places of a pattern cause.
 
     Each place with ln of what the density of the data there is multiplied by: its prior share; and
     where the data were put into another unit, the factor of each number beyond the offsets: the
     size of the offsets is judged in no unit.
     """
     plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
-    spare, every = len(matrix) - len(machine.parameter_names), []
-    for cause in extras:
-        places = tuple(cause.places(plan, machine))
-        total = sum(map(cause.share, places))
-        weights = {
-            place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
-            for place in places
-        }
-        tried = tuple(place for place in places if cause.reversible(plan, place))
-        others = tuple(place for place in places if not cause.reversible(plan, place))
-        patterns = None
-        if isinstance(cause, PatternCause) and places:
-            patterns = Places(matrix, cause.patterns(plan, places))
-        every.append(Placed(cause, tried, 0, weights, others, patterns))
-    return tuple(every)
+    spare = len(matrix) - len(machine.parameter_names)
+    places = tuple(cause.places(plan, machine))
+    total = sum(map(cause.share, places))
+    weights = {
+        place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
+        for place in places
+    }
+    tried = tuple(place for place in places if cause.reversible(plan, place))
+    others = tuple(place for place in places if not cause.reversible(plan, place))
+    patterns = None
+    if isinstance(cause, PatternCause) and places:
+        patterns = Places(matrix, cause.patterns(plan, places))
+    return Placed(cause, tried, 0, weights, others, patterns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,7 +361,7 @@ class Linearised(ReadOnly):
         Raises UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
         noise = NoiseGrid.around(white.machine.instrument.noise_mm, white.texture)
-        places = places_of(white.problem, candidates.extras)
+        places = white.places(candidates.extras)
         # Faults of the record put right, where the data can express it, and the gauge shows
         # readings in that unit.
         undone = [

@@ -1021,18 +1021,28 @@ class Diagnosis:
 
     @property
     def put_right(self) -> Measured:
-        """The data without the named faults that belong to this session alone.
+        """The data without the named faults, and the patterns, that belong to this session alone.
 
         Differences stay as they are, and so do readings in which a fault cannot be undone.
         """
         measured = self.measured
-        if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
+        if isinstance(measured, Differences):
             return measured
         value, machine = measured.value, self.model.machine
-        for effect in self.effects:
+        for effect in self.effects if self.verdict is Verdict.NAMED else ():
             if not effect.cause.lasting:
                 value = effect.cause.inverted(value, effect, measured.plan, machine)
+        for pattern in self.acting:
+            if pattern.how in PASSING:
+                value = value - np.array(pattern.effect_mm)
         return replace(measured, value=value)
+
+    @property
+    def unsure_mm(self) -> Floats:
+        """Standard deviation of each reading besides its noise, shape (n,), or (1,) where none."""
+        more = [one.effect_expanded_mm for one in self.acting if one.how == "scatters"]
+        known = [np.array(expanded) for expanded in more if expanded]
+        return read_only(np.linalg.norm(known or np.zeros((1, 1)), axis=0) / NORMAL_K)
 
     @cached_property
     def lack_of_fit(self) -> LackOfFit:

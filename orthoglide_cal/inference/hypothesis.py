@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -108,7 +109,7 @@ class Pattern:
     @property
     def label(self) -> str:
         """Name of how and where, in a word each."""
-        return " ".join((self.how, *(f"{name} {value}" for name, value in self.where.items())))
+        return " ".join([self.how, *chain(*self.where.items())])
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +179,7 @@ class Hypothesis:
     @property
     def label(self) -> str:
         """Its patterns in words, with the ids beside them."""
-        return ", ".join((*(pattern.label for pattern in self.patterns), *self.ids))
+        return ", ".join([pattern.label for pattern in self.patterns] + [*self.ids])
 
     @cached_property
     def remedy(self) -> Remedy:

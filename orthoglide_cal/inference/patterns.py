@@ -268,17 +268,17 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
         where = np.flatnonzero(width == count)
         number = np.nonzero(some[where])[1].reshape(-1, count)
         shown = np.take_along_axis(chosen[where], number[:, None], 2)
-        inner = power[:, number[:, :, None], number[:, None]].swapaxes(0, 1)
-        inner = inner * (shown[..., None] & shown[..., None, :])
-        along = match[:, number].swapaxes(0, 1) * shown
-        size2 = inner[..., 0]
+        at, shape = np.nonzero(shown.any(axis=2))
+        shown, number, shapes = shown[at, shape], number[at], shape[:, None]
+        inner = power[shapes[..., None], number[:, :, None], number[:, None]]
+        inner = inner * (shown[..., None] & shown[:, None])
+        along, size2 = match[shapes, number] * shown, inner[..., 0]
         if count > 1:
             size2, axes = np.linalg.eigh(inner)
             along = (axes.swapaxes(-1, -2) @ along[..., None])[..., 0]
-        weights, matches = np.maximum(size2, 0.0)[:, :, None, None], along[:, :, None, None]
+        weights, matches = np.maximum(size2, 0.0)[:, None, None], along[:, None, None]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
-        shows = np.asarray(shown.any(axis=2))
-        gains[where] = np.where(shows[..., None, None], log, ABSENT)
+        gains[where[at], shape] = log
     return gains
 
 
@@ -381,18 +381,20 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
         one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
         gains = (_gains_of_noise if one.how == "scatters" else _gains)(fit, one, chosen)
         by_shape = log_sum(gains + noise, 3)
+        log_shape, rows = by_shape.copy(), np.arange(len(patterns))
         # Shapes that do not show at a where are none.
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
         gained = log_sum(by_shape, (1, 2)) - number
-        for k, pattern in enumerate(patterns):
-            gain, log_shape = gained[k], by_shape[k]
-            if gain > 0.0:  # else whatever makes it is not there
-                log_shape = log_shape + pattern.log_share[:, None]
-                gain = log_sum(log_shape) - number[k]
-            best = float(by_shape[k].flat[log_shape.argmax()])
-            sizes = one.sizes * fit.noise.stated
-            pattern = replace(pattern, sizes=sizes, log_shape=log_shape, gain=best)
-            scored.append(Hypothesis(at, fit.log_evidence + float(gain), patterns=(pattern,)))
+        for k in np.flatnonzero(gained > 0.0).tolist():  # else whatever makes it is not there
+            log_shape[k] += patterns[k].log_share[:, None]
+            gained[k] = log_sum(log_shape[k]) - number[k]
+        best = log_shape.reshape(len(rows), -1).argmax(axis=1)
+        best = by_shape.reshape(len(rows), -1)[rows, best].tolist()
+        columns = one.columns, one.mover, one.parameters
+        sizes, logs = one.sizes * fit.noise.stated, (fit.log_evidence + gained).tolist()
+        for two, log, *found in zip(patterns, logs, log_shape, best, strict=True):
+            known = at, two.how, two.where, two.log_prior, *columns, two.chosen
+            scored.append(Hypothesis(at, log, patterns=(Pattern(*known, sizes, *found),)))
     return scored
 
 

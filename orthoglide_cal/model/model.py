@@ -14,6 +14,7 @@ its own unknown zero, which the estimation removes.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -102,7 +103,7 @@ class Model:
         for effect in self.accepted:
             geometry = effect.cause.geometry(geometry, effect.theta)
         motions = tuple(partial(e.cause.motion, theta=e.theta) for e in self.accepted)
-        still = all(effect.cause.stage is Stage.GEOMETRY for effect in self.accepted)
+        still = all(effect.cause.stage is not Stage.MOTION for effect in self.accepted)
         return RealMachine(geometry, motions, still)
 
 
@@ -155,7 +156,8 @@ def differentiate(
     At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
     ones than those of the model. In closed form where the offsets alone move the carriages and no
     others are asked for. Else in one simulation of many machines: the point, then a complex step in
-    each unknown in turn. Unless it is `strict`, the readings of what is unreachable are NaN.
+    each unknown in turn; in two if what moves the carriages comes last and is absent. Unless it is
+    `strict`, the readings of what is unreachable are NaN.
     """
     if not effects:
         readings, jacobian = _simulate(model, offsets, plan, strict)
@@ -167,12 +169,15 @@ def differentiate(
     steps = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
     steps = steps.reshape(-1, *[1] * batch, ends[-1])
     some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
-    every = []
-    for at in range(0, len(steps), some):
-        by_offsets, *by_effect = np.split(steps[at : at + some], ends[:-1], axis=-1)
+    every, present = [], any(effect.theta.any() for effect in effects)
+    still = sum(effect.cause.stage is not Stage.MOTION for effect in effects)
+    parts = {*range(0, len(steps), some), len(steps)}.union(() if present else [ends[still] + 1])
+    for part in pairwise(sorted(parts)):
+        by_offsets, *by_effect = np.split(steps[slice(*part)], ends[:-1], axis=-1)
         stepped = [
             effect.cause.at(effect.theta + step, effect.place)
             for effect, step in zip(effects, by_effect, strict=True)
+            if present or step.any()
         ]
         # Real NaN divides in silence, complex NaN does not.
         with np.errstate(invalid="warn" if strict else "ignore"):
@@ -190,9 +195,11 @@ def differentiate_absent(
     At offsets Δρ (..., 3) [mm]: the derivatives by these, (..., n, 3), then those by the p
     parameters of each cause, (..., n, p).
     """
-    readings, slopes = differentiate(model, offsets, plan, [cause.absent for cause in causes])
-    ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in causes)])
-    return readings, np.split(slopes, ends[:-1], axis=-1)
+    ordered = sorted(causes, key=lambda cause: cause.stage is Stage.MOTION)
+    readings, slopes = differentiate(model, offsets, plan, [cause.absent for cause in ordered])
+    ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in ordered)])
+    by_offsets, *by_cause = np.split(slopes, ends[:-1], axis=-1)
+    return readings, [by_offsets, *(by_cause[ordered.index(cause)] for cause in causes)]
 
 
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
@@ -226,4 +233,5 @@ def _simulate(
         readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect, plan, machine)
-    return readings, jacobian
+    alone = all(effect.cause.stage is Stage.GEOMETRY for effect in model.accepted)
+    return readings, jacobian if alone else None

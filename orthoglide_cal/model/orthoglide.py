@@ -43,7 +43,7 @@ from orthoglide_cal.model.machine import (
     stated_or,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
-from orthoglide_cal.model.plan import AnyCell, Floats, Ints, Numbers, Plan, known_plan, read_only
+from orthoglide_cal.model.plan import AnyCell, Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.readings import (
     AXES,
     Contact,
@@ -390,9 +390,15 @@ class Orthoglide(Machine):
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
             size, assumed = stated_or(gauge.placement_mm, PLACEMENT_MM)
-            moved = replace(plan, gauge_at=plan.gauge_at + size / self.leg_length_mm)
-            shift = (predict(known_plan(moved)) - predicted)[..., None] * plan.zeros
+            moved = predict(_moved(plan, size / self.leg_length_mm))
+            shift = (moved - predicted)[..., None] * plan.zeros
             yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
+
+
+@functools.lru_cache(maxsize=16)
+def _moved(plan: GaugePlan, share: float) -> GaugePlan:
+    """The plan with each gauge farther along its leg by a share of it."""
+    return replace(plan, gauge_at=plan.gauge_at + share)
 
 
 @functools.lru_cache(maxsize=16)

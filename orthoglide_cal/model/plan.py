@@ -48,6 +48,15 @@ class ReadOnly:
                 object.__setattr__(self, name, read_only(given, given.dtype))
 
 
+class of_steps(cached_property[T]):
+    """A property of a plan that no time changes: worked out once for all of the same steps."""
+
+    def __get__(self, plan: AnyPlan, owner: type | None = None) -> T:  # type: ignore[override]
+        known: T = super().__get__(plan.steps, owner)
+        plan.__dict__[self.attrname] = known
+        return known
+
+
 # Of the arrays of a plan, by their annotations.
 _DTYPES: Mapping[object, type] = MappingProxyType({Floats: float, Ints: np.intp, Bools: bool})
 
@@ -117,7 +126,7 @@ class Plan(ABC):
         """Number of parts, empty ones before the last included."""
         return int(self.part.max()) + 1 if len(self) else 0
 
-    @cached_property
+    @of_steps
     def in_time(self) -> Ints:
         """Indices of the readings from first to last, shape (n,)."""
         return read_only(np.argsort(self.order, kind="stable"), np.intp)
@@ -176,7 +185,7 @@ class Plan(ABC):
     def shared(self) -> Ints:
         """Number, from 0, of what creeps or is knocked together with each reading, shape (n,)."""
 
-    @cached_property
+    @of_steps
     def sequence(self) -> tuple[Ints, Bools]:
         """Indices of the readings by what they share, then in time; which come first, both (n,)."""
         rows = np.lexsort((self.order, self.shared))

@@ -16,7 +16,7 @@ import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_shared
-from orthoglide_cal.inference.data import Candidates, Placed, Whitened, places_of
+from orthoglide_cal.inference.data import Candidates, Placed, Whitened
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.model.cause import Cause, Place, Stage
@@ -43,8 +43,7 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     """
     white, supposed = Whitened.of_plan(plan, model), model.machine.linearization_points
     candidates = Candidates.of(model, ordered=True)
-    places = places_of(white.problem, candidates.extras)
-    extras = {placed.cause.id: placed for placed in places if placed.tried}
+    extras = {one.cause.id: one for one in white.places(candidates.extras) if one.tried}
     possible: list[Cause] = [*candidates.broad, *(placed.cause for placed in extras.values())]
     asked = (cause for cause in possible if among is None or cause.id in among)
     # Of the machine first, then of the measurement.

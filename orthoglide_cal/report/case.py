@@ -53,6 +53,7 @@ class Case:
 
     given: Input
     answer: Answer
+    asked: str = ""  # what else diagnose was told, as it is typed
 
     @property
     def source(self) -> Source:
@@ -109,6 +110,7 @@ class Case:
         if verb == "diagnose" and self.source.earlier:
             paths = [*self.source.earlier, *paths]
             given.append("--together")
+        given += [self.asked] * (verb == "diagnose" and bool(self.asked))
         if self.method is not None and verb in _TAKING_METHODS:
             given.append(f"--method {self.method}")
         given += filter(None, options)

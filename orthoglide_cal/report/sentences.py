@@ -26,6 +26,7 @@ from orthoglide_cal.words import (
     plain,
     short,
     signed,
+    together,
     two_figures,
     uncapitalized,
     unit_words,
@@ -86,7 +87,13 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
 
 def pattern_name(pattern: FoundPattern) -> str:
     """The effect in one noun."""
-    return _PATTERNS[pattern.how]["noun"]
+    return _PATTERNS[pattern.how]["noun"].removeprefix("a ")
+
+
+def label_words(label: str) -> str:
+    """The pattern that a label begins with: of "steps leg x, misread" a step at leg x."""
+    how, _, where = label.partition(",")[0].partition(" ")
+    return f"{_PATTERNS[how]['noun']}{f' at {where}' * bool(where)}"
 
 
 def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
@@ -101,7 +108,8 @@ def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
         place = f" ({place})" * bool(place)
         between = f"readings {first['order']}{place} and {last['order']}"
     moment, where = pattern.from_minutes or 0.0, where_words(machine, pattern)
-    return text.format(where=where, rest=rest, moment=moment, between=between)
+    there = " there" * bool(pattern.where)
+    return text.format(where=where, there=there, rest=rest, moment=moment, between=between)
 
 
 def _doubt(doubt: Reason, part: str) -> str:
@@ -119,17 +127,19 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "lengths": lambda values: ", ".join(f"{value:g}" for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
-    "with": " with ".join,
+    "with": together,
     "too": lambda titles: "".join(f" and {title}" for title in titles),
     "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
-    "alike": lambda rows: "".join(f", or {id}, {percent(share, 1)}" for id, share in rows),
+    # A cause, or those that look the same.
+    "alike": lambda rows: " or ".join(
+        f"{id}{',' * (len(rows) < 2)} {percent(share, 1)}" for id, share in rows
+    ),
     "causes": lambda ids: " and ".join(ids) or "this",
     # The first two answers of several, and how many others there are.
     "either": lambda answers: ", ".join(
-        [" with ".join(ids) or "a cause" for ids in answers[:2]]
+        [together(ids, "a cause") for ids in answers[:2]]
         + [counted(len(answers) - 2, "other")] * (len(answers) > 2)
     ),
-    "state": lambda ids: " with ".join(ids) or "a sound machine",
     "values": lambda rows: ", ".join(f"{name} {value:+.1f} {of}" for name, value, of in rows),
     "two": two_figures,
     "p": chance,

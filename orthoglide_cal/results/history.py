@@ -351,6 +351,7 @@ def compare(
     dates: Sequence[str] = (),
     limit_mm: float | None = None,
     adjusted: Mapping[str, Removed] = MappingProxyType({}),
+    unread: Sequence[str] = (),
 ) -> History:
     """Compare the sessions of a machine.
 
@@ -359,6 +360,7 @@ def compare(
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
         adjusted: digest of a session → what was adjusted after it.
+        unread: files of the folder that are left out, because they cannot be read.
 
     Raises:
         UsageError: not one machine, or dates that do not fit.
@@ -373,7 +375,8 @@ def compare(
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if dates:
         inputs = [*map(_of_date, inputs, dates)]
-    measured, notes = [one for one in inputs if not one.measured.source.simulated], list[Reason]()
+    notes = [Reason.of("not_read", names=[*unread])] if unread else []
+    measured = [one for one in inputs if not one.measured.source.simulated]
     simulated = not measured
     if measured and len(measured) < len(inputs):
         notes.append(Reason.of("left_out", count=len(inputs) - len(measured)))
@@ -382,7 +385,7 @@ def compare(
         notes.append(Reason.of("stored_again", names=[inputs[k].name for k in copies]))
         inputs = [given for k, given in enumerate(inputs) if k not in copies]
     if len(inputs) < 2:
-        without = ", without those that are simulated or copies" * bool(notes)
+        without = ", without those that are simulated, copies or not readable" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
             "Name files; or the folder of sessions: of tables (CSV) it takes none.",

@@ -16,6 +16,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -134,14 +135,17 @@ def answer_to(
     if decision.usable:
         decision = _with_others(decision, parameters, others)
     change = np.array([parameter.change(decimals) for parameter in parameters])
-    rows = promise(measured, real, change, diagnosis.put_right)
+    promised = partial(
+        promise, measured, real, right=diagnosis.put_right, unsure_mm=diagnosis.unsure_mm
+    )
+    rows = promised(change)
     known_by = solution.budget if shown_alone else budget
     if decision.usable and _within_noise(model, chosen, known_by):
         # What would change then; the differences become no smaller where U allows for all of it.
         gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
         if gain <= sum(row.expanded_mm**2 for row in rows):
             decision = decision.changed(needed=False)
-            rows = promise(measured, real, 0.0 * change, diagnosis.put_right)
+            rows = promised(0.0 * change)
     if decision.usable:
         parameters = tuple(
             one.changed(enter=one.new(decimals) if decision.needed else one.active)
@@ -202,7 +206,7 @@ def answer_to(
         if shown_alone and not details
         else tuple(_residuals(measured, solution, diagnosis)),
         undetermined=tuple(_undetermined(model, parameters)),
-        check=_check(given, solution, rows, budget.k) if rows and decision.needed else None,
+        check=_check(given, chosen, rows, budget.k) if rows and decision.needed else None,
         ruled_out=model.ruled_out,
         workspace=workspace,
         holdout=holdout,
@@ -387,7 +391,7 @@ def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[sch
 
 
 def _check(
-    given: Input, solution: Solution, promised: Sequence[PromisedDifference], k: float
+    given: Input, known: OffsetEstimate, promised: Sequence[PromisedDifference], k: float
 ) -> schema.CheckReading:
     """The difference that the offsets change most: it shows whether they were entered."""
     row = max(promised, key=lambda row: abs(row.measured_mm - row.expected_mm))
@@ -396,7 +400,7 @@ def _check(
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
     tools = np.zeros((2, len(AXES)))
     tools[:, series.leg] = [machine.displacement_mm(end) for end in ends]
-    sigma = max(solution.noise.sigma_mm, machine.instrument.noise_mm)
+    sigma = max(known.noise.sigma_mm, machine.instrument.noise_mm)
     return schema.CheckReading(
         what=row.name,
         leg=AXES[series.leg],
@@ -527,6 +531,9 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     reasons = [Reason.of("undecided", answers=(ids, *diagnosis.rivals), sound=sound)]
     left_open = (set(fit.ids) for _, fit in diagnosis.left_open)
     sure = set() if sound else set.intersection(*left_open)
+    if any(state.pattern for state in diagnosis.explanations):
+        # Instead of what happened at one place something beyond the list may have.
+        sure -= {cause.id for cause in diagnosis.causes if cause.where}
     remedies = [
         Remedy.of("do", what=cause.remedy)
         for cause in diagnosis.causes
@@ -559,8 +566,9 @@ def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
     doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
-    in_machine = (CAUSES[id].in_machine for id in (*doubted, *diagnosis.ambiguous_with))
-    return Remedy.of("none_decides" if any(in_machine) else "leave_out")
+    ids = (*doubted, *diagnosis.ambiguous_with)
+    in_machine = any(CAUSES[id].in_machine for id in ids)
+    return Remedy.of("none_decides") if in_machine else Remedy.of("leave_out", ids=ids)
 
 
 def _named(

@@ -177,6 +177,8 @@ class Verification(Schema):
     # Of heights: U with which the two agree if all is as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
+    # Of heights: what the parameters found afterwards would leave.
+    rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     parameters: dict[str, ComparedParameter]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
@@ -229,7 +231,7 @@ def verify(
         UnusableResultError: one of them does not determine the parameters.
     """
     require_distinct((before, after))
-    if swapped := _swapped(before, after):
+    if swapped := in_wrong_order(before, after):
         raise wrong_order(after, before, typed)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
@@ -324,6 +326,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
+    reachable, *_ = _mean_square(second, second.measured.value - second.predicted_mm)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -344,6 +347,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         rms_promised_mm=promised_mm,
         rms_expanded_mm=most_mm - promised_mm,
         rms_after_mm=after_mm,
+        rms_reachable_mm=math.sqrt(reachable),
     )
 
 
@@ -416,7 +420,7 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
 
 
-def _swapped(before: Input, after: Input) -> bool | None:
+def in_wrong_order(before: Input, after: Input) -> bool | None:
     """True if dates, or else what was entered and when, say that the second was measured first.
 
     None if nothing says which was.

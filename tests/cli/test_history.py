@@ -76,6 +76,9 @@ def test_json_and_page_say_the_same():
     every = done("history", ".", "--details")
     assert "With 5 further sessions" in every
     assert found["changes"] == answer("history", *files)["changes"]
+    Path("broken.yaml").write_text("machine: {}\nreadings:\n\t{", encoding="utf-8")
+    assert "Left out: broken.yaml (not readable" in words(done("history", "."))
+    assert "Or leave it out" in refused(3, "history", "broken.yaml", *files)
 
 
 def test_a_printer_is_compared_too():

@@ -170,7 +170,7 @@ def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:
 def test_a_server_that_never_comes_to_an_end_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A byte now and then, in the head or in the body: there is always something to wait for."""
     monkeypatch.setattr("orthoglide_cal.files.moonraker.WHOLE_S", 0.3)
-    for beginning in (b"", b"HTTP/1.0 200 OK\r\n\r\n", b"HTTP/1.0 500 No\r\n\r\n"):
+    for beginning in (b"", b"HTTP/1.0 200 A\r\n\r\n", b"HTTP/1.1 200 A\nContent-Length: 99\n\n"):
         with socket.create_server(("127.0.0.1", 0)) as server:
 
             def drip(server: socket.socket = server, beginning: bytes = beginning) -> None:

@@ -65,6 +65,7 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
     found = answer("solve", "--machine", str(machine), DOUBLE)
     assert found["release"]["usable"]
     assert shown.index("may be entered") < shown.index("± U   enter")
+    assert "+0.671" in run("solve", "--machine", str(machine), DOUBLE, "--details").stdout
     cells = {row.split()[0]: row.split() for row in shown.splitlines() if row[:3] in {"  x", "  y"}}
     for each, active in zip(found["parameters"], (0.25, -1.5), strict=False):
         row = cells[each["name"]]

@@ -33,7 +33,6 @@ from .helpers import MACHINE, MODEL, PROTOTYPE, document, parsed, places, proble
 
 DIGEST = "0123456789abcdef" * 4
 TEXT, PRINTER = (path.read_text(encoding="utf-8") for path in (PROTOTYPE, CONFIG))
-CALLIPER = str(parsed(PRINTER)["probe"]["calliper_mm"])
 
 
 def line_of(start: str) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_from_text, read_machine_file
@@ -114,11 +114,6 @@ def cfg(sections: str = "cm", truth: Truth = TRUTH) -> str:
 
 def taken(folder: Path, text: str, **options) -> Input:
     return read_input(saved(folder, text, "printer.cfg"), **options)
-
-
-def fault_of(folder: Path, text: str, **options) -> InputError:
-    (fault,) = problems(lambda: taken(folder, text, **options))
-    return fault
 
 
 @pytest.mark.parametrize(("data", "count"), [("c", 10), ("m", 49)])

@@ -26,7 +26,7 @@ HOSTILE = {
     "open quote": ('a: "' + "x" * 4_000_000, "not valid YAML"),
     "two documents": ("a: 1\n---\nb: 2\n", "several documents"),
     "escape sequence": ('a: "\\e[31m"\n', "control character"),
-    "tab": ("a:\n\tb: 1\n", "not valid YAML"),
+    "tab": ("a:\n\tb: 1\n", "not valid YAML: a tab in the indentation.*Indent with spaces"),
 }
 
 

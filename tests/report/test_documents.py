@@ -67,7 +67,7 @@ def test_what_is_found_is_drawn_on_the_first_sheet() -> None:
     gaps, wrong = (report_of(make()).page() for make in (cases.named_in_machine,
                                                          cases.named_in_measurement))  # fmt: skip
     shims = repr(gaps.sheet)
-    assert "The actuator axes do not meet in one point (axis_gap)" in shims
+    assert "The rails do not meet in one point (axis_gap)" in shims
     assert shims.count('class="head"') == 3  # how to move each mount
     marked = repr(wrong.sheet)
     assert "leg x, direction z, min, cycle 2 (reading 12)" in marked

@@ -35,7 +35,7 @@ from orthoglide_cal.report.documents.pictures import (
     differences_figure,
     residual_blocks,
 )
-from orthoglide_cal.report.sentences import SOURCES, pattern_name
+from orthoglide_cal.report.sentences import SOURCES, label_words, pattern_name
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
 from orthoglide_cal.schema import Reason
@@ -50,6 +50,7 @@ from orthoglide_cal.words import (
     plain,
     short,
     signed,
+    together,
     two_figures,
     typed,
     unit_words,
@@ -64,7 +65,7 @@ _METHODS: Mapping[Method, str] = {
     Method.SINGLE: "eq. 10",
     Method.SINGLE_SEQUENTIAL: "eq. 11",
 }
-_NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
+_UNLISTED = "something that is not on the list"
 _OPEN_VERDICTS = (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
 # Reasons that a headline says, too: below it stands what they mean.
 _MEANT = ("offsets_wrong", "cause_found", "undecided", "beyond_list")
@@ -80,7 +81,8 @@ _MOST_DIFFERENCES, _LARGEST_DIFFERENCES = 6, 3  # of more the largest are shown
 _MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
 _MOST_OPEN = 4  # explanations
 _MOST_LIKELY = 3  # of them in the title
-_DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of a diagnosis
+# Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
+_DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
 # Lines of a solution: `measure` says before them where it has written, and after them what a
 # simulation hid.
 _SOLVED = 23
@@ -118,7 +120,11 @@ def _document(
 
 
 def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
-    """The numbers that decide; where a screen has too few lines, what they mean gives way."""
+    """The numbers that decide.
+
+    Where a screen has too few lines, what they mean gives way, then, of what must not be entered,
+    notes and all steps but the first.
+    """
     answer, release = case.answer, case.answer.release
     enter = release.usable and release.needed
     parameters: list[doc.Block | None] = [parameters_grid(case, brief=True), *open_blocks(case)]
@@ -137,23 +143,27 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     if answer.judgement and answer.judgement.code == "residuals_agree" and enter:
         words.append("p: probability that noise alone leaves more.")
     meaning = [" ".join(words)]
-    last = doc.next_steps(to_do(case, brief=True), _more(case, "solve"))
+    steps = [*to_do(case, brief=True)]
+    kept = len(steps) if release.usable else 1
+    others = steps[kept:]
 
     def page() -> doc.Page:
+        last = doc.next_steps([*steps[:kept], *others], _more(case, "solve"))
         first, second = [*parameters, *largest, *notes], [*numbers, *meaning]
         if not answer.deviations:  # one line needs no section
             first, second = [*first, *numbers], []
         both = doc.Section(None, *first), doc.Section(None, *second)
         return replace(begun, sections=[*both, last])
 
-    return fitting(page, meaning, largest, lines=_SOLVED - answer.simulated)
+    spare = [] if release.usable else notes
+    return fitting(page, meaning, largest, spare, others, lines=_SOLVED - answer.simulated)
 
 
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
     Where a screen has too few lines for it, notes give way, then the reminder to solve again, the
-    residuals, and all steps but the first ones.
+    residuals, all steps but the first ones, and answers that are open but the likeliest two.
     """
     answer, named = case.answer, case.answer.verdict is Verdict.NAMED
     undecided = answer.verdict is Verdict.AMBIGUOUS
@@ -173,15 +183,18 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     parameters = f"{case.words.many.capitalize()}{causes}: {found}."
     decisive: list[doc.Block] = [*_sizes(case), parameters, *open_blocks(case)]
     left = [_rms_grid(case)]
+    less_likely = [*range(2, _MOST_OPEN)]
     if undecided:
-        decisive, left = [_open_grid(case)], left * bool(answer.holdout)
+        left *= bool(answer.holdout)
 
     def page() -> doc.Page:
+        if undecided:
+            decisive[:] = [_open_grid(case, 2 + len(less_likely))]
         parts: list[Sequence[doc.Block]] = [decisive, left, *residuals]
         last = doc.next_steps([*first, *others, *again], *notes, _more(case, "diagnose"))
         return replace(begun, sections=[*(doc.Section(None, *part) for part in parts), last])
 
-    return fitting(page, notes, again, residuals, others, lines=most)
+    return fitting(page, notes, again, residuals, others, less_likely, lines=most)
 
 
 def _more(case: Case, verb: str) -> doc.Line:
@@ -299,8 +312,8 @@ def _named(case: Case) -> str:
     flat = isinstance(measured, Readings) and measured.plan.flat
     shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
     titles = [case.title_of(c.id, len(c.parameters)) for c in (first, *others) if c is not shape]
-    # Such as a stand that was knocked before the last reading.
-    alike = [
+    # What looks the same, such as a stand that was knocked before the last reading.
+    alike = [(first.id, first.probability)] + [
         (state.ids[0], state.probability)
         for state in case.answer.explanations
         if len(state.ids) == 1 and state.ids[0] in first.aliases
@@ -313,14 +326,19 @@ def _named(case: Case) -> str:
 
 
 def _shares(answer: Answer) -> str:
-    """The most probable explanations and the share of all others, 100 % in all."""
-    shares = {_name(state): state.probability for state in answer.explanations if not state.pattern}
-    shares[_UNLISTED] = sum(state.probability for state in answer.explanations if state.pattern)
-    likely = sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY]
-    whole = {name: round(100.0 * share) for name, share in likely}
-    shown = [f"{name} ({share} %)" for name, share in whole.items() if share]
-    if rest := 100 - sum(whole.values()):
-        shown.append(f"or others ({rest} %)")
+    """The most probable of the answers that are open and the share of all others, 100 % in all."""
+    shares = {_name(state): state.probability for state in answer.explanations if state.parameters}
+    patterns = {state.pattern: state.probability for state in answer.explanations if state.pattern}
+    likeliest = next(map(label_words, patterns), "")
+    shares[f"{_UNLISTED}, such as {likeliest}"] = sum(patterns.values())
+    likely = dict(sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY])
+    likely["others"] = 1.0 - sum(likely.values())
+    # Of the whole percents that are missing each goes to the largest part that was cut off.
+    whole = {name: int(100.0 * share) for name, share in likely.items()}
+    cut = sorted(likely, key=lambda name: whole[name] - 100.0 * likely[name])
+    for name in cut[: 100 - sum(whole.values())]:
+        whole[name] += 1
+    shown = [f"{'or ' * (n == 'others')}{n} ({share} %)" for n, share in whole.items() if share]
     return ", ".join(shown)
 
 
@@ -426,7 +444,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns[head if brief else words.found] = changes(every)
     columns["± U"] = [two_figures(row.expanded) for row in every]
     if enter:
-        write = typed if brief and same else plain
+        write = typed if same else plain
         new = [write(row.new(answer.decimals), answer.decimals) for row in every]
         columns["enter"] = [doc.typed(text) for text in new]
     if brief:
@@ -635,15 +653,14 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
 
 
 def _name(state: Explanation) -> str:
-    first, *others = (state.pattern,) if state.pattern else state.ids or (_NOTHING,)
-    return f"{first} with {' and '.join(others)}" if others else first
+    return state.pattern or together(state.ids)
 
 
-def _open_grid(case: Case) -> doc.Grid:
+def _open_grid(case: Case, most: int = _MOST_OPEN) -> doc.Grid:
     """Residuals and parameters under each open state; of some it was not worth fitting."""
     answer, names, rows = case.answer, case.machine.parameter_names, []
     # Where nearly any cause fits, one of them shows what they may do.
-    most = 1 if "few_readings" in answer.release.codes else _MOST_OPEN
+    most = 1 if "few_readings" in answer.release.codes else most
     fitted = [state for state in answer.explanations if state.parameters]
     sound = [state for state in fitted if state.sound]
     others = [e for e in fitted if not e.sound and round(100.0 * e.probability)]

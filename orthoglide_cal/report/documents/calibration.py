@@ -89,10 +89,10 @@ def calibration_document(
             recorded = [(side, side.validity) for side in (left.before, left.after)]
         simulated = left.simulated if left else answer.simulated
         frame = signed_page("Calibration report", machine, identity, recorded, simulated)
-        causes, rivals = [*_causes(case)], [*_rivals(case)]
+        causes, rivals = _causes(case), [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
-        parameters, pages = _parameters(case, limit_mm), list[doc.Section]()
+        parameters, pages = _parameters(case, limit_mm), [*map(_other, case.others)]
         if left is not None:
             notice = verification.verification_notice(left)
             advice = verification.verification_steps(left)
@@ -106,7 +106,7 @@ def calibration_document(
         else:
             notice, sheet = _notice(case), [*causes, doc.next_steps(to_do(case))]
             pages += [*rivals, parameters]
-        sheet += [*frame.sheet, *map(_other, case.others)]
+        sheet += frame.sheet
         both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
         for one, when in both:
             sections = *evidence(one), _conditions(one)
@@ -148,8 +148,9 @@ def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
     return doc.Section(parameters_title(case), *blocks)
 
 
-def _causes(case: Case) -> Iterator[doc.Section]:
+def _causes(case: Case) -> list[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
+    sections = list[doc.Section]()
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
@@ -157,12 +158,17 @@ def _causes(case: Case) -> Iterator[doc.Section]:
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
         if pictures.moves_rails(cause.id) and answer.shims:
             rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
-            above = "± U (95 %). xy: how far rail x lies above rail y, along z; and so on."
-            blocks.append(doc.Grid(("rail", "move by", "towards"), rows, caption=above))
+            above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
+            blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
         title = f"Possible: {title}" if undecided else capitalized(title)
-        yield doc.Section(title, *blocks, pictures.cause_figure(case, cause))
+        drawn = pictures.cause_figure(case, cause)
+        if sections and not drawn:  # beside the map that shows what all of them do
+            sections[-1].blocks += (doc.strong(title), *blocks)
+        else:
+            sections.append(doc.Section(title, *blocks, drawn))
+    return sections
 
 
 def _rivals(case: Case) -> Iterator[doc.Section]:

@@ -158,7 +158,7 @@ def residual_blocks(case: Case) -> Iterator[doc.Block]:
             mean_mm = measured[touches].mean()
             models = {f"after, {model}": values for model, values in left.items()}
             for model, values in {"before": measured - mean_mm, **models}.items():
-                heading = f"{model}{title}"
+                heading = f"{model}{title}".replace(" and ", ", ", model.count(" and ") - 1)
                 maps.append(figures.bed_map(heading, place_mm, values[touches], case.machine.bed))
                 if model in models:
                     sigma_mm = case.machine.instrument.noise_mm
@@ -283,7 +283,7 @@ def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figur
         shown=np.flatnonzero(reach).tolist(),
         ringed=wrong,
     )
-    return doc.Figure(panels, key=key)
+    return doc.Figure(panels, 3 if rows[0].leg else 2, key=key)  # as wide as they are
 
 
 def _column(rows: Sequence[Residual], name: str) -> Floats:
@@ -420,10 +420,10 @@ def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
         if cause != case.answer.causes[0]:
             return None  # one map shows what all of them do
         maps = [
-            figures.bed_map(f"{alone}{title}", places, before[at], case.machine.bed)
+            figures.bed_map(f"Residuals, {alone}{title}", places, before[at], case.machine.bed)
             for title, at, places in _surfaces(case)
         ]
-        return doc.Figure(maps, 0, f"Residuals. {_RINGED}")
+        return doc.Figure(maps, 0, _RINGED)
     if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
         return sketch
     rows, (both, after) = case.answer.residuals, [*left.items()][-1]

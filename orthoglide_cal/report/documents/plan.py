@@ -78,7 +78,9 @@ def plan_document(
     def screen() -> doc.Page:
         if going_on is not None:
             notice = _next_notice(plan, going_on)
-            sections = [doc.Section("Or", _next_grid(plan, brief=True))]
+            best = going_on.answer.release.usable  # it is not what comes next
+            title = "To reduce U" if best else "Or"
+            sections = [doc.Section(title, _next_grid(plan, chosen=slice(not best, _BRIEF_NEXT)))]
         else:
             notice, (first, *others) = _notice(plan), _limits(plan)
             sections = [doc.Section(None, _sessions_grid(plan, brief=True), first)]
@@ -354,10 +356,10 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     release = begun.answer.release
     if not (plan.next or release.usable):
         return decision_notice(begun)
-    words, needless = plan.model.machine.vocabulary, "Nothing needs to be measured"
+    words = plan.model.machine.vocabulary
     if not plan.next:
         none = f"Nothing is undecided, and no further {words.noise} readings lower U."
-        return doc.Notice(doc.Tone.GOOD, needless, (none,))
+        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (none,))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if plan.model.machine.common_unit else "The largest is now"
@@ -378,14 +380,13 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         title += f" give one answer (probability {percent(best.chance)})"
         worth.insert(0, sentence(Reason.of("distinguishes", best=best)))
     elif release.usable:
-        tone, title = doc.Tone.GOOD, needless
-        may = f"Nothing is undecided. {decision_notice(begun).title}."
+        tone, title, may = doc.Tone.GOOD, "Nothing is undecided", f"{decision_notice(begun).title}."
         worth[:1] = [may, f"To reduce U: {minutes}. {worth[0]}"]
     return doc.Notice(tone, title, tuple(worth))
 
 
-def _next_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
-    """The ranking, U as it is, and what the columns mean; `brief`: only what follows the best."""
+def _next_grid(plan: MeasurementPlan, *, chosen: slice | None = None) -> doc.Grid:
+    """The ranking, U as it is, and what the columns mean; or only the `chosen` ones."""
     telling = any(option.between for option in plan.next)
     heads = ["", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do"]
     rows, words = [], (len(heads) - 1,)
@@ -393,8 +394,8 @@ def _next_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         sure = (percent(option.chance), f"{option.separation_sigma:.1f}") if telling else ()
         numbers = str(number), f"{option.minutes:.0f}", *sure, two_figures(_worst(option))
         rows.append((*numbers, sentence(option.what)))
-    if brief:
-        return doc.Grid(heads, rows[1:_BRIEF_NEXT], words)
+    if chosen:
+        return doc.Grid(heads, rows[chosen], words)
     if plan.now_mm is not None:
         blank = [""] * (len(heads) - 2)
         rows.insert(0, (*blank, two_figures(plan.now_mm), "nothing: U as it is"))

@@ -100,6 +100,9 @@ def verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
+    if result.rms_reachable_mm is not None:
+        size = _size(result, result.rms_reachable_mm)
+        lines.append(f"With the parameters found afterwards it would be {size}.")
     done = []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
