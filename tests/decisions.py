@@ -17,6 +17,7 @@ import numpy as np
 
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
+from orthoglide_cal.planning.plan import SessionForecast
 from orthoglide_cal.schema import Reason
 
 KEPT = 80
@@ -28,6 +29,8 @@ def content(value: object) -> Hashable:
         return value.shape, value.dtype.str, value.tobytes()
     if isinstance(value, ReadOnly | Model):
         return type(value), *(content(getattr(value, item.name)) for item in fields(value))
+    if isinstance(value, SessionForecast):
+        return content((value.model, value.plan, value.method, value.name))
     if isinstance(value, Reason):
         return repr(value)
     return tuple(map(content, value)) if isinstance(value, tuple) else value
