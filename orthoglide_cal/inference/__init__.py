@@ -1,4 +1,4 @@
-"""Inference: hypothesis → fit → decision; what the simulation gets wrong and why."""
+"""Inference: hypothesis → fit → belief → decision; what the simulation gets wrong and why."""
 
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import (

@@ -385,7 +385,7 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
         # Shapes that do not show at a where are none.
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
         gained = log_sum(by_shape, (1, 2)) - number
-        for k in np.flatnonzero(gained > 0.0):  # else whatever makes it is not there
+        for k in np.flatnonzero(gained > 0.0).tolist():  # else whatever makes it is not there
             log_shape[k] += patterns[k].log_share[:, None]
             gained[k] = log_sum(log_shape[k]) - number[k]
         best = log_shape.reshape(len(rows), -1).argmax(axis=1)

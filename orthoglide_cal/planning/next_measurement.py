@@ -33,7 +33,7 @@ from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.diagnose import keep_ratio
+from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import expect, predict
 from orthoglide_cal.model.cause import NORMAL_K
