@@ -43,7 +43,8 @@ _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
 _BRIEF_NEXT = 3
 _MOST_LAYOUTS = 5
-_DISTINCT_SIGMA = 4.0  # at less the readings may not decide between two causes
+# Two causes that are less than so many σ apart may not be told apart: the darker, the less.
+_SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"))
 _MOST_SIGMA = 99  # beyond which the number says nothing more
 # Where the places to probe are written, unless somebody chose another name.
 _PLACES = "places.csv"
@@ -335,8 +336,9 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     rows: list[list[doc.Blank]] = []
     for k, (id, sound) in enumerate(plan.trace.items()):
         sizes = [sound, *(sigma[other, id] for other in names[:k])]
-        cells = ((str(min(int(size), _MOST_SIGMA) or "<1"), size) for size in sizes)
-        shown = (doc.doubtful(text) if size < _DISTINCT_SIGMA else text for text, size in cells)
+        shades = (next((sign for most, sign in _SHADES if size < most), "") for size in sizes)
+        numbers = (str(min(int(size), _MOST_SIGMA) or "") for size in sizes)
+        shown = map(str.__add__, shades, numbers)
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
     heads = ("", "–", *letters[: len(names) - 1])
     caption = sentence(Reason.of("distances", most=_MOST_SIGMA))
