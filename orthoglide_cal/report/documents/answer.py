@@ -84,8 +84,8 @@ _MOST_LIKELY = 3  # of them in the title
 # Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
 # Lines of a solution: `measure` says before them where it has written, and after them what a
-# simulation hid.
-_SOLVED = 23
+# simulation hid. Of a refused one, in addition to those of its parameters.
+_SOLVED, _REFUSED = 23, 17
 
 
 def solution_document(case: Case) -> doc.Document:
@@ -122,8 +122,8 @@ def _document(
 def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     """The numbers that decide.
 
-    Where a screen has too few lines, what they mean gives way, then, of what must not be entered,
-    notes and all steps but the first.
+    Where a screen has too few lines, all steps but the first of what must not be entered give way,
+    then what the numbers mean, and notes.
     """
     answer, release = case.answer, case.answer.release
     enter = release.usable and release.needed
@@ -156,7 +156,8 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
         return replace(begun, sections=[*both, last])
 
     spare = [] if release.usable else notes
-    return fitting(page, meaning, largest, spare, others, lines=_SOLVED - answer.simulated)
+    most = _SOLVED if release.usable else _REFUSED + len(answer.parameters)
+    return fitting(page, others, meaning, largest, spare, lines=most - answer.simulated)
 
 
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
@@ -169,7 +170,8 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     undecided = answer.verdict is Verdict.AMBIGUOUS
     most = _UNDECIDED if undecided else _BEYOND if answer.beyond else _DECIDED
     steps = [*_diagnosis_steps(case)]
-    kept = 1 + undecided  # what is wrong in any case, and what decides
+    few = "few_readings" in answer.release.codes
+    kept = 1 + (undecided and not few)  # what is wrong in any case, and what decides
     first, others = steps[:kept], steps[kept:]
     residuals = [brief_residuals(case)] if named else []
     again = []
@@ -331,7 +333,8 @@ def _shares(answer: Answer) -> str:
     patterns = {state.pattern: state.probability for state in answer.explanations if state.pattern}
     likeliest = next(map(label_words, patterns), "")
     shares[f"{_UNLISTED}, such as {likeliest}"] = sum(patterns.values())
-    likely = dict(sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY])
+    most = 2 if "few_readings" in answer.release.codes else _MOST_LIKELY
+    likely = dict(sorted(shares.items(), key=lambda pair: -pair[1])[:most])
     likely["others"] = 1.0 - sum(likely.values())
     # Of the whole percents that are missing each goes to the largest part that was cut off.
     whole = {name: int(100.0 * share) for name, share in likely.items()}
