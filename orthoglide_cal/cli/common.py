@@ -145,7 +145,7 @@ def argument(
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
 # The first command in a folder for practice.
-PRACTISE = command("measure", "practice.yaml", options="--gauge simulated")
+PRACTISE = command("measure", options="--gauge simulated")
 # What may be left out.
 Text = str | None
 Texts = list[str] | None

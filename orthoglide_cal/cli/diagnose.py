@@ -1,4 +1,4 @@
-"""`orthocal diagnose`: what else is wrong, how certain that is, and what to do."""
+"""`orthocal diagnose`: what the offsets do not explain, how certain that is, and what to do."""
 
 from contextlib import suppress
 from dataclasses import replace

@@ -159,7 +159,7 @@ class _Session:
     def conclude(self, later: "_Session | None") -> None:
         """Take over what was decided; a name only if a later session does not refute it.
 
-        What else is wrong with the later one is no evidence against a name.
+        Other faults of the later one are no evidence against a name.
         """
         decision = self.decision
         if later and decision.verdict is Verdict.NAMED:

@@ -91,7 +91,7 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
     plain = Path("machine.yaml").read_text().replace("practice: true\n", "")
     assert "Mill 3" in done()
     assert "orthocal machine new" not in done()
-    assert "orthocal measure practice.yaml --gauge simulated" in done()
+    assert "orthocal measure --gauge simulated" in done()
     Path("begun.journal").write_text("")
     assert "orthocal measure begun.yaml --resume" in done()
     Path("begun.journal").unlink()
