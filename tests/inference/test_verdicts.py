@@ -341,9 +341,9 @@ def test_a_pattern_is_described(how: str, kind: str, seed: int) -> None:
     size = max(np.ptp(contact[hidden.seen.plan.zero == k]) for k in range(6))
     # Four standard deviations: one false failure in 10,000.
     assert abs(best["size_mm"] - size) < 2.0 * best["expanded_mm"]
-    # What passes is no part of what is promised.
+    # What passes is no part of what is promised: with it 0.7 of U would be expected, and 3.6.
     far = max(abs(row.expected_mm) / row.expanded_mm for row in answer.deviations)
-    assert far < 1.3 or not answer.release.usable
+    assert how == "repeats" or far < 0.5
     rows = answer.residuals
     left = np.array([row.measured_mm - (row.with_causes_mm or 0.0) for row in rows])
     assert np.sqrt(np.mean(left**2)) == pytest.approx(best["rms_after_mm"], rel=0.05)
