@@ -121,7 +121,7 @@ class Decision(Belief):
     def doubted(self) -> bool:
         """True if patterns looked at closely may change the statement.
 
-        Several causes, or several wrong readings, follow most patterns; one, alone or beside the
+        Several causes, or several wrong readings, follow most patterns; one, alone or with the
         accepted cause, may make it a wrong name.
         """
         accepted = self.accepted

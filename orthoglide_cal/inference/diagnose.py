@@ -455,9 +455,9 @@ class Diagnosis(Decision):
             unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]
             if {pattern.how for pattern in unlisted} <= PASSING:
                 alone = self.patterned[", ".join(pattern.label for pattern in unlisted)]
-                beside = self._offsets_under(alone), self.offsets[1]
-                stays = alone is one or not self._moves(one, *beside)
-                probability += share * self.beyond * stays
+                offsets, covariance = self._offsets_under(alone), self.offsets[1]
+                unmoved = alone is one or not self._moves(one, offsets, covariance)
+                probability += share * self.beyond * unmoved
         return probability
 
     @property
@@ -590,7 +590,7 @@ class Diagnosis(Decision):
 
     @property
     def notes(self) -> Iterator[Reason]:
-        """Remarks: the data, listed causes beside patterns, what is open, other dates.
+        """Remarks: the data, listed causes with patterns, what is open, other dates.
 
         Last what stays unexplained of a local shape, where that is the rule, and claims not made.
         """
@@ -681,7 +681,7 @@ def diagnose(
     diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
     white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit
     wrong = accepted.wrong_readings
-    later, held_out, beside, changes = None, None, None, None
+    later, held_out, baseline, changes = None, None, None, None
     if holdout is not None:
         changed = machine.differing(then.machine) if then is not None else ()
         known = then if then is not None and changed else model
@@ -714,7 +714,7 @@ def diagnose(
         if touched:
             before_mm, after_mm = (held.rms_mm for held in held_out)
             errors = {"parameters_mm": before_mm, "extension_mm": after_mm, "repeats": again}
-            beside = Baselines(**errors, **baselines(white, later))
+            baseline = Baselines(**errors, **baselines(white, later))
     if sensitivity and diagnosis.verdict is not Verdict.CONSISTENT:
         scaled = {name: diagnosis.scaled(factor).settled() for name, factor in SCALED.items()}
         changes = MappingProxyType(
@@ -723,7 +723,7 @@ def diagnose(
     return replace(
         diagnosis,
         held_out=held_out,
-        baselines=beside,
+        baselines=baseline,
         sensitivity=changes,
         remarks=tuple(remarks),
     )

@@ -178,7 +178,7 @@ class Hypothesis:
 
     @property
     def label(self) -> str:
-        """Its patterns in words, with the ids beside them."""
+        """Its patterns in words, and the ids of its listed causes."""
         return ", ".join([pattern.label for pattern in self.patterns] + [*self.ids])
 
     @cached_property

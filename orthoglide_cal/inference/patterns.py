@@ -538,7 +538,7 @@ def describe(
 
 
 def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]:
-    """What it adds to each reading, and U of that, both (n,) [mm]; more noise adds U alone."""
+    """Effect on each reading, and its U, both (n,) [mm]; more noise adds U alone."""
     columns = [shape.columns for shape in pattern.shapes]
     if pattern.how == "scatters":
         variances = np.outer([shape.size**2 for shape in pattern.shapes], rows)
@@ -563,7 +563,7 @@ def _sizes(fits: _Fits, columns: Sequence[Floats]) -> tuple[Floats, Floats]:
 def _mean_and_std(
     fits: _Fits, values: Sequence[Floats | float] | Floats, variances: Floats | float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Of values, and variances, under each fit, (f, ...), by their shares, which sum to 1."""
+    """Mean and standard deviation of values with variances under each fit, (f, ...), by shares."""
     shares, under = np.array([share for share, _ in fits]), np.array(values)
     mean = shares @ under
     return mean, np.sqrt(shares @ ((under - mean) ** 2 + variances))
@@ -584,7 +584,7 @@ def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Ite
 def _gauges(
     pattern: Pattern, fits: _Fits, rows: Bools
 ) -> Iterator[tuple[str, float, float, float]]:
-    """What it does to each gauge: name, peak to peak, its standard deviation [mm], and span [K].
+    """Effect on each gauge: name, peak to peak, its standard deviation [mm], and span [K].
 
     Positive where the later of the two readings is the larger. More noise is one for all.
     """
