@@ -12,8 +12,8 @@ from orthoglide_cal.estimation.solution import (
     OffsetEstimate,
     PromisedDifference,
     Solution,
+    exceeds_u,
     fit_parameters,
     promise,
     solve,
-    stays,
 )

@@ -175,12 +175,12 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     """All that act on n readings, at offsets Δρ (..., 3) [mm]; their columns are (..., n, p).
 
-    Machine and gauge give the sizes, accepted causes their own uncertainty. Some ask the same.
+    Machine and gauge give the sizes, accepted causes their own uncertainty.
     """
     return _influences(model, offsets.shape, offsets.tobytes(), plan)
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=8)  # a solution begins where a diagnosis asked for them
 def _influences(
     model: Model, shape: tuple[int, ...], point: bytes, plan: Plan
 ) -> tuple[Influence, ...]:

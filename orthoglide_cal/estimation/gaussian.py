@@ -76,9 +76,9 @@ def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tup
 
 
 def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
-    """The likeliest size that the `chosen` unknowns have in common, of first size 1; else as above.
+    """The likeliest size that the `chosen` unknowns have in common, whose first size is 1.
 
-    By expectation and maximisation.
+    Other arguments as of `condition`. By expectation and maximisation.
     """
     others = np.delete(np.arange(len(sizes)), chosen)
     precision, pull = columns.T @ columns / sigma**2, columns.T @ data / sigma**2

@@ -73,11 +73,6 @@ class Solution(OffsetEstimate):
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
 
     @property
-    def expanded_mm(self) -> Floats:
-        """U of the offsets, shape (3,) [mm]."""
-        return self.budget.expanded_mm
-
-    @property
     def sigma_residuals_mm(self) -> float | None:
         """Standard deviation of one reading from the residuals; None without degrees of freedom."""
         return None if self.scatter is None else self.scatter.sigma_mm
@@ -219,8 +214,9 @@ def fit_parameters(
             was found.
     """
     chosen = choose_method(measured, method)
-    problem, data = posed = pose(measured, model, chosen.uses)
+    problem, data = pose(measured, model, chosen.uses)
     require_rank(problem)
+    plain, all_data = problem, data  # without weights
     if chosen.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
         predicted, at_zero = problem.at_zero
@@ -255,8 +251,7 @@ def fit_parameters(
     # Noise of one reading is what no offsets explain, of raw data in all readings, whatever the
     # method; what a cause of the machine would explain is none.
     if isinstance(measured, Readings) and problem.which:
-        posed = pose(measured, model, DataKind.READINGS)
-    plain, all_data = posed
+        plain, all_data = pose(measured, model, DataKind.READINGS)
     hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
     ratio = np.hstack([ratio for source, ratio in ratios if source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
@@ -264,7 +259,7 @@ def fit_parameters(
     scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.matrix
     if dof > 0:
         residual, slopes = all_data - matrix @ readings, matrix @ jacobian
-        # Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ², of C what influences
+        # Generalised least squares: rᵀ Λᵀ P Λ r with (ΛᵀΛ)⁻¹ = G + C Cᵀ/σ², of C what influences
         # add, and P the projector onto what the offsets cannot explain. Whichever estimator left
         # the residual, it is the same.
         left_over = unexplained(*plain.whitened(matrix @ ratio, slopes, residual))
@@ -383,7 +378,7 @@ def promise(
     )
 
 
-def stays(promised: Sequence[PromisedDifference]) -> bool:
+def exceeds_u(promised: Sequence[PromisedDifference]) -> bool:
     """Return whether more is left after the correction than its uncertainty allows for."""
     left = sum(row.expected_mm**2 for row in promised)
     return left > sum(row.expanded_mm**2 for row in promised)

@@ -16,16 +16,9 @@ import numpy as np
 
 from orthoglide_cal.estimation.gaussian import probabilities
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
-from orthoglide_cal.inference.fit import (
-    Fit,
-    fit_hypothesis,
-)
+from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
-from orthoglide_cal.inference.patterns import (
-    combined,
-    pattern_candidates,
-    placed_causes,
-)
+from orthoglide_cal.inference.patterns import combined, pattern_candidates, placed_causes
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
 

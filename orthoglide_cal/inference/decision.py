@@ -29,18 +29,10 @@ from orthoglide_cal.estimation.losses import (
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.fit import (
-    MISFIT,
-    Fit,
-)
+from orthoglide_cal.inference.fit import MISFIT, Fit
 from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
-from orthoglide_cal.inference.patterns import (
-    PASSING,
-    fits_of,
-)
-from orthoglide_cal.inference.result import (
-    Verdict,
-)
+from orthoglide_cal.inference.patterns import PASSING, fits_of
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -86,8 +78,9 @@ class Decision(Belief):
     def scaled(self, factor: float) -> Self:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
-        anew = replace(self, at=at, hypotheses=score_all(at), fits={}, _further={})
-        return replace(anew, repeats=False, refuted=None)
+        return replace(
+            self, at=at, hypotheses=score_all(at), fits={}, _further={}, repeats=False, refuted=None
+        )
 
     def settled(self) -> Self:
         """The same with the fits that may change the statement: linear evidence alone says less."""
@@ -128,14 +121,16 @@ class Decision(Belief):
     def doubted(self) -> bool:
         """True if patterns looked at closely may change the statement.
 
-        Several causes, or several wrong readings, follow most patterns; one, alone or beside the
+        Several causes, or several wrong readings, follow most patterns; one, alone or with the
         accepted cause, may make it a wrong name.
         """
         accepted = self.accepted
-        if self.verdict is Verdict.UNEXPLAINED or len(accepted) > 1:
+        if self.verdict is Verdict.UNEXPLAINED:
             return True
-        if not accepted or len(self.fit.wrong_readings) > 1:
-            return bool(accepted)
+        if not accepted:
+            return False
+        if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
+            return True
         patterns = (*self.patterned.values(), *self.beside(accepted))
         likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
         bearable = OPEN_ANSWER * self.something / self.listed[accepted]

@@ -21,9 +21,7 @@ from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.accuracy import Scatter, scatter_of_repeats
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.losses import (
-    DISMISSED,
-)
+from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
@@ -36,11 +34,7 @@ from orthoglide_cal.inference.fit import (
     left_out,
 )
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import (
-    PASSING,
-    describe,
-    fits_of,
-)
+from orthoglide_cal.inference.patterns import PASSING, describe, fits_of
 from orthoglide_cal.inference.prediction import REPEATS, Later, baselines, repeats
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
@@ -170,10 +164,9 @@ class Diagnosis(Decision):
         if self.verdict is Verdict.UNEXPLAINED and not self.described:
             # What may return with its posture, in each cell as large as what is left in the
             # readings: repeats cannot average it out.
-            white, fit, width = self.white, fits[0], mean.size
-            estimator = fit.covariance[:width] @ fit.columns.T / fit.sigma**2
-            left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
-            cells = estimator @ (white.matrix @ white.plan.returning)
+            white, fit = self.white, fits[0]
+            left = float(fit.residual @ fit.residual) / max(len(white) - mean.size, 1)
+            cells = fit.estimator @ (white.matrix @ white.plan.returning)
             covariance = covariance + left * cells @ cells.T
         return read_only(mean), read_only(covariance)
 
@@ -196,9 +189,8 @@ class Diagnosis(Decision):
     def budget(self) -> Budget:
         """Their uncertainty by source; what causes, then the verdict, leave open comes last."""
         (_, fit), *_ = self.left_open
-        estimator = fit.covariance[: len(fit.offsets)] @ fit.columns.T / fit.sigma**2
         gauge, scatter = self.model.machine.instrument, Scatter(fit.sigma, np.inf)
-        budget = budget_of(estimator, gauge, scatter, fit.uncertain)
+        budget = budget_of(fit.estimator, gauge, scatter, fit.uncertain)
         causes = " and ".join(e.cause.id for e in fit.effects if e.covariance is not None)
         beyond = {causes: fit.offsets_covariance} if causes else {}
         beyond[Origin.EXPLANATIONS] = self.covariance_mm2
@@ -463,9 +455,9 @@ class Diagnosis(Decision):
             unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]
             if {pattern.how for pattern in unlisted} <= PASSING:
                 alone = self.patterned[", ".join(pattern.label for pattern in unlisted)]
-                beside = self._offsets_under(alone), self.offsets[1]
-                stays = alone is one or not self._moves(one, *beside)
-                probability += share * self.beyond * stays
+                offsets, covariance = self._offsets_under(alone), self.offsets[1]
+                unmoved = alone is one or not self._moves(one, offsets, covariance)
+                probability += share * self.beyond * unmoved
         return probability
 
     @property
@@ -488,8 +480,9 @@ class Diagnosis(Decision):
                 total[pattern.label] = total.get(pattern.label, 0.0) + share
         acting, patterns = {one.label for one in next(iter(self.beyond_list)).patterns}, []
         for label, last in first.items():
-            of_it = self.measured, total[label], label in acting, self.alone.rms_after_mm
-            patterns.append(describe(last, self.fit_of(last.ids), *of_it))
+            fit, before_mm = self.fit_of(last.ids), self.alone.rms_after_mm
+            accepted = label in acting
+            patterns.append(describe(last, fit, self.measured, total[label], accepted, before_mm))
         return tuple(filter(None, patterns))
 
     @property
@@ -597,7 +590,7 @@ class Diagnosis(Decision):
 
     @property
     def notes(self) -> Iterator[Reason]:
-        """Remarks: the data, listed causes beside patterns, what is open, other dates.
+        """Remarks: the data, listed causes with patterns, what is open, other dates.
 
         Last what stays unexplained of a local shape, where that is the rule, and claims not made.
         """
@@ -688,7 +681,7 @@ def diagnose(
     diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
     white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit
     wrong = accepted.wrong_readings
-    later, held_out, beside, changes = None, None, None, None
+    later, held_out, baseline, changes = None, None, None, None
     if holdout is not None:
         changed = machine.differing(then.machine) if then is not None else ()
         known = then if then is not None and changed else model
@@ -721,7 +714,7 @@ def diagnose(
         if touched:
             before_mm, after_mm = (held.rms_mm for held in held_out)
             errors = {"parameters_mm": before_mm, "extension_mm": after_mm, "repeats": again}
-            beside = Baselines(**errors, **baselines(white, later))
+            baseline = Baselines(**errors, **baselines(white, later))
     if sensitivity and diagnosis.verdict is not Verdict.CONSISTENT:
         scaled = {name: diagnosis.scaled(factor).settled() for name, factor in SCALED.items()}
         changes = MappingProxyType(
@@ -730,7 +723,7 @@ def diagnose(
     return replace(
         diagnosis,
         held_out=held_out,
-        baselines=beside,
+        baselines=baseline,
         sensitivity=changes,
         remarks=tuple(remarks),
     )

@@ -150,6 +150,11 @@ class Fit(ReadOnly):
         return self.covariance[:width, :width]
 
     @property
+    def estimator(self) -> Floats:
+        """Derivatives of the offsets by the data, shape (3, k)."""
+        return self.covariance[: self.offsets.size] @ self.columns.T / self.sigma**2
+
+    @property
     def unread(self) -> Fit:
         """The explanation as it was before there were data: causes of any plausible size."""
         effects = (

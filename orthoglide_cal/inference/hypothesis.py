@@ -178,21 +178,21 @@ class Hypothesis:
 
     @property
     def label(self) -> str:
-        """Its patterns in words, with the ids beside them."""
+        """Its patterns in words, and the ids of its listed causes."""
         return ", ".join([pattern.label for pattern in self.patterns] + [*self.ids])
 
     @cached_property
     def remedy(self) -> Remedy:
         """Actions that it asks for; explanations that ask for the same are one answer."""
-        base, extra = _mended(*self.base), self.extra
+        base, extra = _remedies(*self.base), self.extra
         if extra is None:
             return base, ()
         again = extra.cause.to_read_again(self.at.white.plan, extra.place)
-        return (base, again) if again else (_mended(*self.base, extra.cause), ())
+        return (base, again) if again else (_remedies(*self.base, extra.cause), ())
 
 
 @functools.lru_cache(maxsize=256)
-def _mended(*causes: Cause) -> Ids:
+def _remedies(*causes: Cause) -> Ids:
     return tuple(sorted({cause.same_remedy_as or cause.id for cause in causes}))
 
 
@@ -344,8 +344,8 @@ def density_of(
     width, first = max(one.shape[1] for one in every), at.jacobian.shape[1]
     padded = np.zeros((len(bases), len(at.white), width))
     sizes = np.ones((len(bases), len(scales), width))
-    for number, (base, own, one) in enumerate(zip(bases, columns, every, strict=True)):
-        end = own.shape[1]
+    for number, (base, derivatives, one) in enumerate(zip(bases, columns, every, strict=True)):
+        end = derivatives.shape[1]
         padded[number, :, : one.shape[1]] = one
         sizes[number, :, :end] = at.sizes(base)
         sizes[number, :, first:end] *= np.array(list(scales))[:, None]

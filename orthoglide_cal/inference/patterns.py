@@ -131,7 +131,8 @@ def pattern_candidates(fit: Fit, *, fine: bool) -> list[list[Pattern]]:
     predicted = at.versions[0] - at.residuals[0]
     turned = _turned(at.white, predicted)
     for _ in range(ROUNDS * (fine and bool(turned.any()))):
-        lagging = [own for own in _candidates(at, turned, fine) if own[0].how == "hysteresis"]
+        every = _candidates(at, turned, fine)
+        lagging = [patterns for patterns in every if patterns[0].how == "hysteresis"]
         scores = scores_of(fit, lagging)
         if not scores:
             break
@@ -255,9 +256,9 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
     together = max(AT_ONCE // (n * q), 1)
     for part in (slice(start, start + together) for start in range(0, v, together)):
         columns = fit.white.matrix @ one.columns[:, part].reshape(n, -1)
-        own = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
-        turned = own.swapaxes(-1, -2)
-        power[part], match[part] = turned @ own, turned @ left
+        white = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
+        turned = white.swapaxes(-1, -2)
+        power[part], match[part] = turned @ white, turned @ left
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
     variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
     gains = np.full((*chosen.shape[:2], len(sizes), len(noise2)), ABSENT)
@@ -390,11 +391,10 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
             gained[k] = log_sum(log_shape[k]) - number[k]
         best = log_shape.reshape(len(rows), -1).argmax(axis=1)
         best = by_shape.reshape(len(rows), -1)[rows, best].tolist()
-        columns = one.columns, one.mover, one.parameters
         sizes, logs = one.sizes * fit.noise.stated, (fit.log_evidence + gained).tolist()
-        for two, log, *found in zip(patterns, logs, log_shape, best, strict=True):
-            known = at, two.how, two.where, two.log_prior, *columns, two.chosen
-            scored.append(Hypothesis(at, log, patterns=(Pattern(*known, sizes, *found),)))
+        for pattern, log, shape, gain in zip(patterns, logs, log_shape, best, strict=True):
+            pattern = replace(pattern, at=at, sizes=sizes, log_shape=shape, gain=gain)
+            scored.append(Hypothesis(at, log, patterns=(pattern,)))
     return scored
 
 
@@ -538,7 +538,7 @@ def describe(
 
 
 def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]:
-    """What it adds to each reading, and U of that, both (n,) [mm]; more noise adds U alone."""
+    """Effect on each reading, and its U, both (n,) [mm]; more noise adds U alone."""
     columns = [shape.columns for shape in pattern.shapes]
     if pattern.how == "scatters":
         variances = np.outer([shape.size**2 for shape in pattern.shapes], rows)
@@ -563,7 +563,7 @@ def _sizes(fits: _Fits, columns: Sequence[Floats]) -> tuple[Floats, Floats]:
 def _mean_and_std(
     fits: _Fits, values: Sequence[Floats | float] | Floats, variances: Floats | float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Of values, and variances, under each fit, (f, ...), by their shares, which sum to 1."""
+    """Mean and standard deviation of values with variances under each fit, (f, ...), by shares."""
     shares, under = np.array([share for share, _ in fits]), np.array(values)
     mean = shares @ under
     return mean, np.sqrt(shares @ ((under - mean) ** 2 + variances))
@@ -576,15 +576,15 @@ def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Ite
     times = MINUTES * plan.hours[plan.in_time[ranks]] + 1e-6
     for rank in (*ranks[times < minutes - reach][-1:], *ranks[times >= minutes + reach][:1]):
         k = int(plan.in_time[rank])
-        own = {**plan.entry(k), "posture": measured.posture[k], "cycle": measured.cycle[k]}
-        names = ("leg", "direction", "posture", "cycle") if "leg" in own else ()
-        yield {"order": str(rank + 1)} | {name: str(own[name]) for name in names}
+        entry = {**plan.entry(k), "posture": measured.posture[k], "cycle": measured.cycle[k]}
+        names = ("leg", "direction", "posture", "cycle") if "leg" in entry else ()
+        yield {"order": str(rank + 1)} | {name: str(entry[name]) for name in names}
 
 
 def _gauges(
     pattern: Pattern, fits: _Fits, rows: Bools
 ) -> Iterator[tuple[str, float, float, float]]:
-    """What it does to each gauge: name, peak to peak, its standard deviation [mm], and span [K].
+    """Effect on each gauge: name, peak to peak, its standard deviation [mm], and span [K].
 
     Positive where the later of the two readings is the larger. More noise is one for all.
     """
@@ -600,8 +600,8 @@ def _gauges(
     effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
     by = 1.0 if pattern.parameters is None else float(pattern.parameters[0])
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
-        own = np.flatnonzero(plan.shared == gauge)
-        ends = own[effect[own].argmin()], own[effect[own].argmax()]
+        read = np.flatnonzero(plan.shared == gauge)
+        ends = read[effect[read].argmin()], read[effect[read].argmax()]
         first, last = sorted(ends, key=plan.order.__getitem__)
         apart = [(shape.columns[last] - shape.columns[first])[None] for shape in shapes]
         if np.any(apart[0]):

@@ -101,7 +101,7 @@ class Later(ReadOnly):
     free: int = 0
 
     def held_out(self, fit: Fit) -> HeldOut:
-        """How well a fit to the first readings predicts these."""
+        """Errors of predicting these by a fit to the first readings."""
         error, jacobian, shared = self._errors(fit)
         jacobian = jacobian[:, : self.free]
         white, by_parameter = whiten_shared(*(one / fit.sigma for one in (shared, error, jacobian)))
@@ -111,7 +111,7 @@ class Later(ReadOnly):
         return HeldOut(rms(error if self.white.root is None else self.white.root @ error), ratio)
 
     def refute(self, ids: Ids, fit: Fit, alone: Fit) -> Reason | None:
-        """How they refute the causes of a fit, `alone` is one without; None if they do not.
+        """Reason why they refute the causes of a fit, `alone` is one without; None if they do not.
 
         They hold b times what the causes add to their prediction, of which the fit says 1 ± its
         statement, and the other one 0: it is worse where b < 1/2, and refuted if that is rare.
@@ -125,8 +125,8 @@ class Later(ReadOnly):
         excess = float(left @ adds)  # (b − 1) size²
         if not excess < -0.5 * size**2 < 0.0 or ndtr(excess / size) >= MISFIT:
             return None
-        without, beside = (self.held_out(one).rms_mm for one in (alone, fit))
-        return Reason.of("refuted_later", ids=ids, without_mm=without, with_mm=beside)
+        without_mm, with_mm = (self.held_out(one).rms_mm for one in (alone, fit))
+        return Reason.of("refuted_later", ids=ids, without_mm=without_mm, with_mm=with_mm)
 
     def moved_origin(self, fit: Fit) -> Floats | None:
         """By how much the parameters that homing sets differ from what is expected, (h,) [mm].

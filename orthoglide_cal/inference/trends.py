@@ -180,12 +180,12 @@ class TrendFit:
         """
         data, covariance, width = self.data, self.covariance, len(self.scatter)
         columns = data.columns(self.parts, later)[at]
-        own = np.median(self.spread, axis=0)
+        spread = np.median(self.spread, axis=0)
         if more:
-            gained = more * columns.T @ np.linalg.solve(own, columns)
+            gained = more * columns.T @ np.linalg.solve(spread, columns)
             covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
         columns[:, width : width + data.shared.shape[2]] *= measured
-        return columns @ self.mean, columns @ covariance @ columns.T + own * measured
+        return columns @ self.mean, columns @ covariance @ columns.T + spread * measured
 
 
 def fit_trends(data: DatedValues) -> dict[Trends, tuple[float, TrendFit]]:

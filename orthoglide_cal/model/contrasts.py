@@ -19,8 +19,8 @@ class Contrasts(ReadOnly):
 
         W y = D (Qᵀ F y)[s:],   D = I − U diag(1 − f) Uᵀ,   Q = I − V T Vᵀ
 
-    F takes the readings as precise as they are. Q is orthogonal, and its first s
-    columns span the zeros (Householder). It costs n·s steps and numbers instead of n².
+    F takes the readings as precise as they are. Q is orthogonal, and its first s columns span the
+    zeros (Householder). It costs n·s steps and numbers instead of n².
     """
 
     zeros: Floats  # s columns that span the zeros, orthonormal, (n, s)

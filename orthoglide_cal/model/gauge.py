@@ -100,7 +100,7 @@ class Gauge(Instrument):
         return {name: Reason.of(f"gauge_{name}", **values) for name in wrong if wrong[name]}
 
     def mistaken_unit(self, measured: Measured) -> float | None:
-        """Differences do not show it, nor do readings in no unit that is usual."""
+        """As of any instrument; differences do not show it."""
         if not isinstance(measured, Readings) or _ordinary(measured, 1.0, self):
             return None
         for unit in UNITS:

@@ -287,7 +287,7 @@ class Vocabulary:
     more: str  # which readings would determine more
     fewest: str | None  # which determine all of it; None where the missing ones can be named
     noise: str  # whose noise the readings have: "gauge"
-    repeats: str  # what the scatter of repeated readings does not hold
+    repeats: str  # what the scatter of repeats does not hold; "{p}" stands for its p value
     again: str  # what to do where nothing explains the readings
     positions: str  # at what readings are taken: "postures"
     instruments: str  # what reads, as a page names it: "gauges"

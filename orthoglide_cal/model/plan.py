@@ -1,7 +1,6 @@
 """Plans of any kind of machine: which readings are, or are to be, taken.
 
-It holds no measured value. Readings may share unknown zeros, and may differ in how precise they
-are.
+It holds no measured value. Readings may share unknown zeros and differ in precision.
 """
 
 import functools
@@ -21,7 +20,6 @@ Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
 PlanT = TypeVar("PlanT", bound="Plan")
-T = TypeVar("T")
 # A plan of the kind of machine whose methods take it; these name its class, the base cannot.
 AnyPlan = Any
 AnyCell = Any  # likewise a reading to take: see `PlannedReading`

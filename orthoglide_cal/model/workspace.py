@@ -86,8 +86,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     """Tool-position error of a real machine before and after the offsets are entered.
 
     `offsets` are Δρ that the controller does not know yet, shape (3,) [mm]; their `covariance`,
-    shape (3, 3) [mm²], remains, expanded by k. Raises PostureError: a corner of
-    the cube that the machine cannot reach; UsageError: it has no cube.
+    shape (3, 3) [mm²], remains, expanded by k. Raises PostureError: a corner of the cube that the
+    machine cannot reach; UsageError: it has no cube.
     """
     points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))

@@ -55,7 +55,7 @@ class MovedAlone(Cause):
     """
 
     def __init__(self, cause: Cause, screw: Screw, nominal: Geometry, parameter: int) -> None:
-        self.id, self.stage, self.names, self._cause = cause.id, cause.stage, cause.names, cause
+        self.id, self.names, self._cause = cause.id, cause.names, cause
         self._mine = (np.arange(3) == screw.leg)[:, None]
         self._shifts = self._mine & (not screw.about_foot)
         moved = cause.geometry(nominal, cause.scale * np.eye(cause.unknowns)[parameter])

@@ -350,8 +350,11 @@ def _separated(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> dict[str
     between = lacking if all(lacking) else (one, other)
     # Of each the first cause that the other lacks, or has as well.
     separates = (min(x, key=y.__contains__, default="") for x, y in (between, between[::-1]))
-    sizes = {"separates": tuple(separates), "separation_sigma": float(sigma[pair])}
-    return {"between": between, **sizes}
+    return {
+        "between": between,
+        "separates": tuple(separates),
+        "separation_sigma": float(sigma[pair]),
+    }
 
 
 def predictions(

@@ -41,7 +41,7 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
 
     The n readings of the plan determine the offsets. `among` are ids to look at; None for all.
     """
-    white, supposed = Whitened.of_plan(plan, model), model.machine.linearization_points
+    white, points = Whitened.of_plan(plan, model), model.machine.linearization_points
     candidates = Candidates.of(model, ordered=True)
     extras = {one.cause.id: one for one in white.places(candidates.extras) if one.tried}
     possible: list[Cause] = [*candidates.broad, *(placed.cause for placed in extras.values())]
@@ -55,9 +55,9 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     }
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
-        every = np.concatenate([one.columns for one in white.uncertain(supposed)], axis=-1)
-        for offsets, carried in zip(supposed, every, strict=True):
-            total += _margins(white, offsets, causes, extras, columns, carried) / len(supposed)
+        every = np.concatenate([one.columns for one in white.uncertain(points)], axis=-1)
+        for offsets, carried in zip(points, every, strict=True):
+            total += _margins(white, offsets, causes, extras, columns, carried) / len(points)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T)).tolist()
     ids = [cause.id for cause in causes]
     pairs = {(ids[b], ids[a]): sigma[a][b] for a in range(len(ids)) for b in range(a)}

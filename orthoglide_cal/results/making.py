@@ -27,10 +27,10 @@ from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
     Solution,
+    exceeds_u,
     fit_parameters,
     promise,
     solve,
-    stays,
 )
 from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
@@ -318,7 +318,7 @@ def _with_others(
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
     """Deviations that offsets do not remove; None where nothing but noise is left."""
-    if not stays(promised):
+    if not exceeds_u(promised):
         return None
     left = rms(np.array([row.expected_mm for row in promised]))
     ids = [effect.cause.id for effect in model.remaining()]

@@ -7,6 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.cause import Cause, Effect
+from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan
@@ -197,3 +198,17 @@ def test_many_machines_at_once_are_as_one_by_one(cause: Cause, subject: Subject)
             expected, by_values = differentiate(alone, values, plan)
             assert np.abs(found[k] - expected).max() < 1e-12
             assert np.abs(slopes[k] - by_values).max() < 1e-12
+
+
+@pytest.mark.parametrize("id", [id for id, cause in CAUSES.items() if cause.by_joint])
+def test_a_correction_at_the_joints_cancels_its_cause(id: str) -> None:
+    """On the way up and on the way down; so large that a correction of first order would show."""
+    cause, home, wanted = CAUSES[id], 310.25, np.linspace(210.0, 370.0, 5)
+    theta = np.zeros(cause.unknowns)
+    theta[:3] = 20.0 * cause.scale * np.array([1.0, -0.6, 1.7])
+    for sign, added in zip((1.0, -1.0), cause.correction(theta, wanted, home), strict=True):
+        sent, nothing = wanted[:, None] + added, np.zeros((5, 3))
+        command = Command(sent, home, nothing[:, 0], nothing, nothing + sign)
+        reached = cause.motion(sent, theta, command)
+        assert np.abs(added).min() > 0.1
+        assert reached == pytest.approx(np.tile(wanted[:, None], 3), abs=1e-9)

@@ -98,11 +98,3 @@ def solved(
     fit = fit_offsets(problem, values @ problem.matrix.T)
     assert np.all(fit.converged)
     return fit.offsets_mm
-
-
-def remaining_step(problem: Problem, data: Floats, offsets: Floats) -> Floats:
-    """Length of the Gauss–Newton step that is left at offsets (..., 3), (...) [std. dev.]."""
-    predicted, jacobian = problem.predict_with_jacobian(offsets, strict=False)
-    step = np.linalg.pinv(np.nan_to_num(jacobian)) @ (data - predicted)[..., None]
-    moved = np.linalg.norm((jacobian @ step)[..., 0], axis=-1)
-    return np.asarray(moved / problem.model.machine.instrument.noise_mm)

@@ -178,9 +178,8 @@ def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
 def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
     """One move for each leg and one between the legs; every move of it takes its time."""
     plan = measurement_plan(forecast(NOMINAL, GuidedSession(stands=1)))
-    for way in plan.compare:
-        if way.name is SINGLE:
-            assert way.gauge_moves == 3
+    moves = [way.gauge_moves for way in plan.compare if way.name == SINGLE]
+    assert moves == [3] * len(METHODS[SINGLE])
     asked = measurement_plan(forecast(NOMINAL, GuidedSession(protocol=SINGLE)))
     assert asked.chosen.gauge_moves == 39
     # Twice ten postures, driven to once or once for each end; 19 slides, or one.
