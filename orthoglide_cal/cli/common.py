@@ -1,4 +1,4 @@
-"""What the commands share: options, input, output streams, errors to exit codes.
+"""Parts that the commands share: options, input, output streams, errors to exit codes.
 
 Heavy modules are imported inside the functions that need them, so that `--help` stays fast.
 """
@@ -201,7 +201,7 @@ JSON = flag("--json", "Print JSON: one object for each file, one per line.")
 def asked_session(
     protocol: Protocol, design: Design, cycles: Count, order: Order, gauges: Count
 ) -> dict[str, object]:
-    """What the options ask of a `GuidedSession`, by its fields; the others are as usual.
+    """Fields of a `GuidedSession` that the options give; the others are as usual.
 
     Raises UsageError: two of them exclude each other.
     """
@@ -283,7 +283,7 @@ def read_input(
 
 
 def judged(given: Input, **how: Any) -> Case:
-    """The answer to an input, `how` as of `answer_to`; it shows what it works on."""
+    """The answer to an input, with arguments of `answer_to`; shows what it works on."""
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.results import answer_to
 

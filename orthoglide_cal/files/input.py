@@ -71,7 +71,7 @@ _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECAS
 
 
 class _Format(NamedTuple):
-    """What a firmware writes of its touches; it does not say which printer they are from."""
+    """Form in which a firmware writes touches; it does not say which printer they are from."""
 
     mark: re.Pattern[str]
     firmware: str  # as an export names it
@@ -113,7 +113,7 @@ class Input:
 
     @property
     def name(self) -> str:
-        """Of its file, without the folder."""
+        """Name of its file, without the folder."""
         return PurePath(self.measured.source.path).name
 
 
@@ -179,7 +179,7 @@ def check_file(
     otherwise: Callable[[], Model] = machine_file.default_machine,
     stored: str | None = None,
 ) -> tuple[Check, Input | None]:
-    """Check a file of any kind, also of a machine; arguments as of `read_input`.
+    """Check a file of any kind, also of a machine; the arguments are those of `read_input`.
 
     Returns the measurement, too; None for a machine, or if the file is not valid. Raises
     InputError: the file cannot be opened, so that there is nothing to check.

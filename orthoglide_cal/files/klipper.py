@@ -343,7 +343,7 @@ def _step(settings: Settings, tower: str) -> float:
 
 
 def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
-    """What [delta_calibrate] stores: probed heights, those entered by hand, and distances, (n, 9).
+    """Content of [delta_calibrate]: probed heights, those entered by hand, and distances, (n, 9).
 
     Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
     height [mm]; the probe's offset, the height entered, or the distance on the callipers [mm]; the

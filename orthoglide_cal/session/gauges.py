@@ -205,7 +205,7 @@ class SerialPort:
         return self._line
 
     def read(self, asked: bool) -> list[Token]:
-        """What `tokens` makes of all that has arrived. Raises GaugeLost.
+        """Messages that have arrived, cut by `tokens`. Raises GaugeLost.
 
         A port that was lost is opened; if `asked`, the format's request is sent, if it has one.
         """
