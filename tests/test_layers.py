@@ -191,7 +191,7 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
 
 
 def test_init_files_only_re_export() -> None:
-    """Perhaps one thing or another, by the operating system."""
+    """They may choose a module by the operating system."""
     faults = []
     for name, path in FILES.items():
         body = tree(name).body if path.name == "__init__.py" else []

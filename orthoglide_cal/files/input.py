@@ -282,8 +282,8 @@ def together(inputs: Sequence[Input]) -> Input:
 
 def adjustments_by(path: str) -> list[Path]:
     """Journals of what was adjusted by the readings in a file."""
-    beside = Path(path)
-    return sorted(beside.parent.glob(f"{escape(beside.stem)}.*{ADJUSTMENT}"))
+    measured = Path(path)
+    return sorted(measured.parent.glob(f"{escape(measured.stem)}.*{ADJUSTMENT}"))
 
 
 def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
@@ -451,15 +451,15 @@ def _firmware_file(
         raise InputError(f"This is {kind}, not a file of readings.", remedy, file=document.path)
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
-    beside = format.settings(document)
-    if beside and beside.unknown and known:
-        beside = None
+    stated = format.settings(document)
+    if stated and stated.unknown and known:
+        stated = None
     if isinstance(known, PrinterFile):
         settings = replace(known, data={}, remarks=())
-    elif beside and known:
-        settings = beside.on_bed(_delta(known, document.path).bed_radius_mm)
-    elif beside:
-        settings = beside
+    elif stated and known:
+        settings = stated.on_bed(_delta(known, document.path).bed_radius_mm)
+    elif stated:
+        settings = stated
     else:
         if format.mark is gcode.HEIGHT_MAP and not known:
             gcode.check_delta(document)

@@ -20,10 +20,7 @@ class WindowsTerminal:
         """A program has one console only, whatever the descriptor."""
 
     def read(self, timeout_s: float) -> str:
-        """The keys pressed since the last call; "" after the time-out.
-
-        Raises KeyboardInterrupt: Ctrl-C.
-        """
+        """Keys pressed since the last call; "" after the time-out. Raises KeyboardInterrupt."""
         until = time.monotonic() + timeout_s
         while not msvcrt.kbhit():
             if time.monotonic() >= until:

@@ -86,7 +86,7 @@ def test_the_covariance_is_that_of_the_formula() -> None:
 
 @pytest.mark.parametrize("cause", [None, "axis_gap", "backlash", "thermal_drift"])
 def test_known_causes_are_expected_where_and_when_they_act(cause: str | None) -> None:
-    """Of any readings in any order, with their own zeros and times."""
+    """The readings stand in any order, with their own zeros and times."""
     rng = np.random.default_rng(3)
     known = [CAUSES[cause]] if cause else []
     effects = [each.at(np.linspace(-0.3, 0.4, each.unknowns)) for each in known]
