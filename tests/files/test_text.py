@@ -124,7 +124,7 @@ def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
     write_text(path, "after", overwrite=True)
     assert (path.stat().st_uid, path.stat().st_gid) == (wanted.st_uid, wanted.st_gid)
     assert (path.stat().st_mode, path.read_text()) == (wanted.st_mode, "after")
-    assert [each.name for each in tmp_path.iterdir()] == ["a.ini"]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.ini"]
 
     def may_not(*_):
         raise PermissionError(1, "Operation not permitted")

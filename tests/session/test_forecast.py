@@ -89,7 +89,7 @@ def test_known_causes_are_expected_where_and_when_they_act(cause: str | None) ->
     """The readings stand in any order, with their own zeros and times."""
     rng = np.random.default_rng(3)
     known = [CAUSES[cause]] if cause else []
-    effects = [each.at(np.linspace(-0.3, 0.4, each.unknowns)) for each in known]
+    effects = [entry.at(np.linspace(-0.3, 0.4, entry.unknowns)) for entry in known]
     model, whole = NOMINAL.extended(effects), timed_plan()
     rows, order = rng.permutation(60)[:25], np.arange(25)
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
