@@ -105,8 +105,9 @@ def option(
                 match = _WITH_UNIT.fullmatch(text)
                 digits, unit = match.groups() if match else (text, "")
                 if unit and unit not in units:
-                    one = {size: name for name, size in [*units.items()][::-1]}  # of its names
-                    known = ", ".join(reversed(one.values())) or "none"
+                    sizes = dict.fromkeys(units.values())
+                    first = (next(u for u in units if units[u] == size) for size in sizes)
+                    known = ", ".join(first) or "none"
                     raise InputError("This unit is not known.", f"Known here: {known}.", value=text)
                 value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)
             if not low <= value <= high:

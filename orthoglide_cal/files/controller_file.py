@@ -440,10 +440,9 @@ def _klipper(target: str, data: bytes, text: str) -> Klipper:
     for number, line in enumerate(text.rstrip().split("\n")):
         stray = number <= above.count("\n") and line.startswith("#*#")
         if stray or (number > heading and not re.match(r"#\*#( |$)", line)):
-            why = (
-                "above its heading Klipper drops" if stray else "below its heading Klipper ignores"
-            )
-            remedy = "Delete it." if stray else "Move it above the block."
+            why, remedy = "below its heading Klipper ignores", "Move it above the block."
+            if stray:
+                why, remedy = "above its heading Klipper drops", "Delete it."
             problem = f"Because of this line {why} what SAVE_CONFIG wrote."
             raise InputError(problem, remedy, file=target, line=number, value=line)
     printer = Settings(document_from_bytes(data, target))
