@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,15 @@ def test_a_file_system_without_links(tmp_path, monkeypatch):
     with pytest.raises(UsageError):
         write_text(tmp_path / "a", "y")
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_what_an_interrupted_write_left_goes_once_nobody_can_be_writing_it(tmp_path):
+    old, new = (tmp_path / f".b.0123456789a{end}.tmp" for end in "bc")
+    for path, age_s in ((old, 3700.0), (new, 3500.0)):
+        path.touch()
+        os.utime(path, (time.time() - age_s,) * 2)
+    write_text(tmp_path / "a", "x")
+    assert [path.exists() for path in (old, new)] == [False, True]
 
 
 def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
