@@ -108,7 +108,7 @@ class InputError(OrthocalError, ValueError):
     file: str | None = None  # path as the user gave it
     line: int | None = None  # in the file, from 1
     column: str | None = None  # header (CSV), dotted path (YAML), or section and option (INI)
-    of_table: bool = False  # which that is: a table's columns are called so
+    of_table: bool = False  # only a table's is called a column
     value: str | None = None  # the offending text, shortened
     problems: "tuple[InputError, ...]" = ()  # all faults of the file, this one as well
 

@@ -86,8 +86,8 @@ def one_more_file(folder: Path) -> None:
         call = ("-m", "orthoglide_cal", verb, "--machine", str(machine), *form)
         runs = (*call, *files), (*call, files[0]), ("-c", IMPORTS)
         many, one, imports = in_turn(*runs, rounds=3)
-        each = (many - one) / (len(files) - 1)
-        row(f"one more healthy file, {' '.join((verb, *form))}", each, imports)
+        seconds = (many - one) / (len(files) - 1)
+        row(f"one more healthy file, {' '.join((verb, *form))}", seconds, imports)
 
 
 def solves(method: str) -> None:

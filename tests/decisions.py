@@ -1,7 +1,6 @@
 """What follows from the same data under the same model is found once in a process, for all tests.
 
-A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of it and of
-`diagnose`.
+A decision and a diagnosis are pure functions of them, as `tests.inference.test_verdicts` asserts.
 A test that replaces a part of the inference calls the functions of that module itself.
 """
 

@@ -53,7 +53,7 @@ def heights(machine: Delta, truth: Truth, x: Floats, y: Floats, noise: float = 0
 def height_map(machine: Delta, truth: Truth, version: int = 2, noise: float = 0.0) -> str:
     """A round map of nine by nine places, 20 mm apart."""
     side = np.arange(-80.0, 81.0, 20.0)
-    x, y = (each.ravel() for each in np.meshgrid(side, side))
+    x, y = (axis.ravel() for axis in np.meshgrid(side, side))
     reached = np.hypot(x, y) <= 90.0
     cells = np.full(len(x), "      0", dtype=object)
     found = heights(machine, truth, x[reached], y[reached], noise)
@@ -75,7 +75,7 @@ def disc(count: int = 37) -> tuple[Floats, Floats]:
 
 def klipper_console(machine: Delta, truth: Truth, new: bool = False, noise: float = 0.0) -> str:
     """Each place twice, as with `samples: 2`."""
-    x, y = (np.repeat(each, 2) for each in disc())
+    x, y = (np.repeat(axis, 2) for axis in disc())
     high = heights(machine, truth, x, y, noise)
     if new:
         lines = [
@@ -112,7 +112,7 @@ def g29(machine: Delta, truth: Truth, noise: float = 0.0) -> str:
 def grid(machine: Delta, truth: Truth) -> str:
     """Nine by nine places; what is out of reach was made up."""
     side = np.linspace(10.0 - machine.bed, machine.bed - 10.0, 9)
-    x, y = (each.ravel() for each in np.meshgrid(side, side))
+    x, y = (axis.ravel() for axis in np.meshgrid(side, side))
     high = np.full(len(x), 7.77)
     reached = np.hypot(x, y) <= machine.bed - 10.0 + 1e-9
     high[reached] = heights(machine, truth, x[reached], y[reached])
@@ -127,7 +127,7 @@ def grid(machine: Delta, truth: Truth) -> str:
 def g33(machine: Delta, truth: Truth, radius: float = 90.0, results: bool = True) -> str:
     """A dry run; the nozzle stands at the places."""
     turn = np.radians([210.0, 330.0, 90.0, 30.0, 150.0, 270.0])
-    x, y = (radius * np.append(0.0, each(turn)) for each in (np.cos, np.sin))
+    x, y = (radius * np.append(0.0, function(turn)) for function in (np.cos, np.sin))
     above = np.full(7, OFFSET[2])
     low = min(machine.endstops)
     text = filled(
@@ -151,16 +151,17 @@ def klippy_log(machine: Delta, truth: Truth, saved: bool = False, noise: float =
     mesh = plain.index("[bed_mesh default]")
     without = plain[:stored] + plain[mesh:]
 
-    def each(name: str, *ends: str) -> str:
-        found = []
+    def calculated(name: str, *ends: str) -> str:
+        entries = []
         for k in range(7):
             parts = [re.search(rf"^{name}{k}{end} = (.*)$", plain, re.M) for end in ("", *ends)]
             if parts[0]:
                 texts = [part[1].replace(",", ", ") for part in parts if part]
-                found.append(f"({texts[0]}, " + ", ".join(f"({t})" for t in texts[1:]) + ")")
-        return f"[{', '.join(found)}]"
+                entries.append(f"({texts[0]}, " + ", ".join(f"({t})" for t in texts[1:]) + ")")
+        return f"[{', '.join(entries)}]"
 
-    heights, distances = each("height", "_pos"), each("distance", "_pos1", "_pos2")
+    heights = calculated("height", "_pos")
+    distances = calculated("distance", "_pos1", "_pos2")
     calibrated = filled("calibrated.log", heights=heights, distances=distances)
     before, after = (filled("klippy.log", configuration=text) for text in (without, plain))
     return before + calibrated + (after if saved else "")

@@ -185,13 +185,13 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
                 words = []
             defined |= {word: f"{name}:{node.lineno}: {word}" for word in words}
         names, attributes = nodes_of(name, ast.Name), nodes_of(name, ast.Attribute)
-        read |= {each.id for each in names if isinstance(each.ctx, ast.Load)}
-        read |= {each.attr for each in attributes}
+        read |= {node.id for node in names if isinstance(node.ctx, ast.Load)}
+        read |= {node.attr for node in attributes}
     none(place for word, place in defined.items() if word not in read)
 
 
 def test_init_files_only_re_export() -> None:
-    """Perhaps one thing or another, by the operating system."""
+    """They may choose a module by the operating system."""
     faults = []
     for name, path in FILES.items():
         body = tree(name).body if path.name == "__init__.py" else []

@@ -16,7 +16,7 @@ def adjust(
     ),
     resume: bool = flag("--resume", "Continue an adjustment at its next reading."),
     gauge: Texts = option(
-        "SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT."
+        "SOURCE", "Where readings come from: typed, or FORMAT:PORT as for measure."
     ),
     machine: File = common.MACHINE,
     json: bool = common.JSON,

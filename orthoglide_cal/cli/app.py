@@ -105,7 +105,7 @@ def _orthocal(
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """What a terminal without such characters shows: never a "?" for a sign."""
+    """Replacement where a terminal has no such characters: never a "?" for a sign."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     missing = error.object[error.start : error.end]

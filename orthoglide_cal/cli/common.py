@@ -1,4 +1,4 @@
-"""What the commands share: options, input, output streams, errors to exit codes.
+"""Parts that the commands share: options, input, output streams, errors to exit codes.
 
 Heavy modules are imported inside the functions that need them, so that `--help` stays fast.
 """
@@ -105,8 +105,9 @@ def option(
                 match = _WITH_UNIT.fullmatch(text)
                 digits, unit = match.groups() if match else (text, "")
                 if unit and unit not in units:
-                    one = {size: name for name, size in [*units.items()][::-1]}  # of its names
-                    known = ", ".join(reversed(one.values())) or "none"
+                    sizes = dict.fromkeys(units.values())
+                    first = (next(u for u in units if units[u] == size) for size in sizes)
+                    known = ", ".join(first) or "none"
                     raise InputError("This unit is not known.", f"Known here: {known}.", value=text)
                 value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)
             if not low <= value <= high:
@@ -201,7 +202,7 @@ JSON = flag("--json", "Print JSON: one object for each file, one per line.")
 def asked_session(
     protocol: Protocol, design: Design, cycles: Count, order: Order, gauges: Count
 ) -> dict[str, object]:
-    """What the options ask of a `GuidedSession`, by its fields; the others are as usual.
+    """Fields of a `GuidedSession` that the options give; the others are as usual.
 
     Raises UsageError: two of them exclude each other.
     """
@@ -283,7 +284,7 @@ def read_input(
 
 
 def judged(given: Input, **how: Any) -> Case:
-    """The answer to an input, `how` as of `answer_to`; it shows what it works on."""
+    """The answer to an input, with arguments of `answer_to`; shows what it works on."""
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.results import answer_to
 

@@ -165,7 +165,7 @@ def show(
 
 
 def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str, str]]:
-    """What the fields' own metadata say."""
+    """Keys, and the questions that the fields' own metadata ask."""
     for name, field in schema.model_fields.items():
         inner, extra = field.annotation, field.json_schema_extra
         if isinstance(inner, type) and hasattr(inner, "model_fields"):
@@ -238,7 +238,7 @@ def _plain(value: Value) -> Value:
 
 
 def _usual(key: str, answers: Answers) -> Value:
-    """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
+    """Proposed value: the prototype's, for travel and workspace in proportion to L."""
     from orthoglide_cal.files.machine_file import machine_values, read_machine_file, shipped_machine
 
     known = machine_values(read_machine_file(shipped_machine(answers["kind"])).model)

@@ -79,7 +79,7 @@ def _next(
     waiting: list[Path],
     printers: list[Path],
 ) -> "tuple[list[doc.Block], list[doc.Line]]":
-    """What there is, and what comes next: machine, measure, enter, measure again, verify, report.
+    """State, and steps that come next: machine, measure, enter, measure again, verify, report.
 
     `to`: the controller's file of a change that is recorded and was not written.
     """
@@ -133,14 +133,14 @@ def _next(
 
 
 def _simulated(path: Path) -> bool:
-    """Whether a session is one of a simulated machine; not where it cannot be read."""
+    """True if a session can be read and is of a simulated machine."""
     with suppress(OrthocalError):
         return common.read_input(str(path)).measured.source.simulated
     return False
 
 
 def _reported(*sessions: str) -> bool:
-    """Whether a page in this folder is about these sessions: it holds their digests."""
+    """True if a page in this folder is about these sessions: it holds their digests."""
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.report.document import MARK
 

@@ -97,7 +97,7 @@ def _from_above(value: WrittenValue) -> tuple[int, bool]:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Whether two values are the same, as numbers to 0.1 µm: printers round there."""
+    """True if two values are the same, as numbers to 0.1 µm: printers round there."""
     with suppress(ValueError):
         return abs(float(one) - float(other)) <= 1e-4
     return one == other
@@ -105,7 +105,7 @@ def _alike(one: str, other: str) -> bool:
 
 @dataclass(frozen=True)
 class ControllerFile(ABC):
-    """What stands in a controller's file."""
+    """Content of a controller's file."""
 
     target: str  # its path or address, the same whichever way it was named
     data: bytes
@@ -172,7 +172,7 @@ class ControllerFile(ABC):
         return [stands.changed(after=after)]
 
     def _replaced(self, values: Lines, tables: Sequence[WrittenTable] = ()) -> Change:
-        """What is written with other values in some lines."""
+        """The change that puts other values into some lines."""
         lines = self.data.splitlines(keepends=True)
         for value in sorted(values, key=_from_above)[::-1]:
             index = value.line - 1
@@ -366,7 +366,7 @@ def printer_values(machine: LinearDelta) -> dict[str, float]:
 
 
 def controller_file(target: str) -> ControllerFile:
-    """What stands in a controller's file, of a path or of the address of a Moonraker server.
+    """Content of the file at a path, or at the address of a Moonraker server.
 
     Raises InputError: it cannot be read, or is the file of no controller that is known here; or
     values are not where they can be changed, each with its line.
@@ -431,7 +431,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
 
 
 def _klipper(target: str, data: bytes, text: str) -> Klipper:
-    """A printer.cfg, of its text as of `_linuxcnc`."""
+    """A printer.cfg, of its text after an empty line: a value has the number of its line."""
     if data.startswith(codecs.BOM_UTF8):
         problem = "The file begins with a byte order mark: Klipper does not read it."
         raise InputError(problem, "Save it as UTF-8 without it.", file=target, line=1)
@@ -440,10 +440,9 @@ def _klipper(target: str, data: bytes, text: str) -> Klipper:
     for number, line in enumerate(text.rstrip().split("\n")):
         stray = number <= above.count("\n") and line.startswith("#*#")
         if stray or (number > heading and not re.match(r"#\*#( |$)", line)):
-            why = (
-                "above its heading Klipper drops" if stray else "below its heading Klipper ignores"
-            )
-            remedy = "Delete it." if stray else "Move it above the block."
+            why, remedy = "below its heading Klipper ignores", "Move it above the block."
+            if stray:
+                why, remedy = "above its heading Klipper drops", "Delete it."
             problem = f"Because of this line {why} what SAVE_CONFIG wrote."
             raise InputError(problem, remedy, file=target, line=number, value=line)
     printer = Settings(document_from_bytes(data, target))
@@ -485,7 +484,7 @@ def _values(
 
 
 def holds(target: str, sha256: str) -> bool:
-    """Whether a file, or the printer.cfg of a server, has this digest; not if it cannot be read."""
+    """True if a file, or the printer.cfg of a server, can be read and has this digest."""
     with suppress(InputError):
         return _digest(read_bytes(target)) == sha256
     return False

@@ -232,7 +232,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
 
 
 def _words(file: FileText) -> Words:
-    """What the last line says that has it."""
+    """Words of the codes in a file; of one that stands twice the last counts."""
     faults, words = Content(file), Words()
     for number, line in enumerate(file.text.split("\n"), start=1):
         for code, rest in _CODE.findall(line.split(";")[0].upper()):

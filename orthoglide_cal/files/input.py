@@ -71,7 +71,7 @@ _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECAS
 
 
 class _Format(NamedTuple):
-    """What a firmware writes of its touches; it does not say which printer they are from."""
+    """Form in which a firmware writes touches; it does not say which printer they are from."""
 
     mark: re.Pattern[str]
     firmware: str  # as an export names it
@@ -113,7 +113,7 @@ class Input:
 
     @property
     def name(self) -> str:
-        """Of its file, without the folder."""
+        """Name of its file, without the folder."""
         return PurePath(self.measured.source.path).name
 
 
@@ -179,7 +179,7 @@ def check_file(
     otherwise: Callable[[], Model] = machine_file.default_machine,
     stored: str | None = None,
 ) -> tuple[Check, Input | None]:
-    """Check a file of any kind, also of a machine; arguments as of `read_input`.
+    """Check a file of any kind, also of a machine; the arguments are those of `read_input`.
 
     Returns the measurement, too; None for a machine, or if the file is not valid. Raises
     InputError: the file cannot be opened, so that there is nothing to check.
@@ -282,8 +282,8 @@ def together(inputs: Sequence[Input]) -> Input:
 
 def adjustments_by(path: str) -> list[Path]:
     """Journals of what was adjusted by the readings in a file."""
-    beside = Path(path)
-    return sorted(beside.parent.glob(f"{escape(beside.stem)}.*{ADJUSTMENT}"))
+    measured = Path(path)
+    return sorted(measured.parent.glob(f"{escape(measured.stem)}.*{ADJUSTMENT}"))
 
 
 def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
@@ -451,15 +451,15 @@ def _firmware_file(
         raise InputError(f"This is {kind}, not a file of readings.", remedy, file=document.path)
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
-    beside = format.settings(document)
-    if beside and beside.unknown and known:
-        beside = None
+    stated = format.settings(document)
+    if stated and stated.unknown and known:
+        stated = None
     if isinstance(known, PrinterFile):
         settings = replace(known, data={}, remarks=())
-    elif beside and known:
-        settings = beside.on_bed(_delta(known, document.path).bed_radius_mm)
-    elif beside:
-        settings = beside
+    elif stated and known:
+        settings = stated.on_bed(_delta(known, document.path).bed_radius_mm)
+    elif stated:
+        settings = stated
     else:
         if format.mark is gcode.HEIGHT_MAP and not known:
             gcode.check_delta(document)

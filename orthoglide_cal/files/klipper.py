@@ -95,15 +95,15 @@ class Settings(Content):
         lines = list(enumerate(document.text.split("\n"), start=1))
         written = [(line, text[len(_SAVED) :]) for line, text in lines if text.startswith(_SAVED)]
         above = [(line, text) for line, text in lines if not text.startswith(_SAVED)]
-        own, typed = self._parsed(above)
-        stored, saved = self._parsed(written)
-        self.sections = {**stored, **own}  # name → line
+        typed_at, typed = self._parsed(above)
+        saved_at, saved = self._parsed(written)
+        self.sections = {**saved_at, **typed_at}  # name → line
         # Section → option → line, and text in as many lines as there.
         self.options = Options(dict)
         self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
         # Whether it includes other files, which are not read.
-        self.included = any(name.startswith("include ") for name in own)
-        self._cut_off = not stored
+        self.included = any(name.startswith("include ") for name in typed_at)
+        self._cut_off = not saved_at
         heading = next((line for line, text in lines if _HEADING.match(text)), 0)
         stray = [line for line, text in written if line < heading and text.startswith(" ")]
         self.remarks = [Reason.of("stray_saved", line=line) for line in stray]
@@ -111,7 +111,7 @@ class Settings(Content):
             self.remarks.append(Reason.of("byte_order_mark"))
         self.remarks += [
             Reason.of("not_in_force", line=line, option=name, section=section, other=other)
-            for section in filter(_MATTERS.fullmatch, stored)
+            for section in filter(_MATTERS.fullmatch, saved_at)
             for name, (line, text) in saved[section].items()
             for other, in_force in [typed[section].get(name, (0, text))]
             if in_force.split() != text.split()
@@ -343,7 +343,7 @@ def _step(settings: Settings, tower: str) -> float:
 
 
 def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
-    """What [delta_calibrate] stores: probed heights, those entered by hand, and distances, (n, 9).
+    """Content of [delta_calibrate]: probed heights, those entered by hand, and distances, (n, 9).
 
     Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
     height [mm]; the probe's offset, the height entered, or the distance on the callipers [mm]; the

@@ -85,7 +85,7 @@ class Standing:
         return Stood(away, f"the controller stood at {place}")
 
     def _homed(self) -> bool:
-        """Whether all joints are homed: before, their positions are arbitrary. Raises OSError."""
+        """True if all joints are homed: before, their positions are arbitrary. Raises OSError."""
         joints = self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)]
         return joints == ["YES"] * len(AXES)
 
@@ -125,7 +125,7 @@ def running_ini() -> Path | None:
 
 
 def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
-    """Whether a LinuxCNC on this computer has this INI and these home offsets, by `halcmd`.
+    """True if a LinuxCNC on this computer has this INI and these home offsets, by `halcmd`.
 
     With `anew` they are set before; they are in force at the next homing.
     """

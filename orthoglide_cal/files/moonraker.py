@@ -102,7 +102,7 @@ def in_time(exchange: Callable[[], T], seconds: float) -> T:
 
 
 def _asked(address: str, path: str, *keys: str) -> object:
-    """What an answer in JSON has under these keys of its `result`. Raises InputError."""
+    """Value under these keys of the `result` of an answer in JSON. Raises InputError."""
     value = _value(_request(address, path), "result", *keys)
     if value is None:
         problem = f"The server there is not Moonraker, or does not report its {keys[-1]}."
@@ -111,7 +111,7 @@ def _asked(address: str, path: str, *keys: str) -> object:
 
 
 def _value(answer: bytes, *keys: str) -> object:
-    """What an answer in JSON has under these keys; None if it has nothing there."""
+    """Value under these keys of an answer in JSON; None if it has nothing there."""
     import json
 
     with suppress(ValueError, KeyError, TypeError, RecursionError):

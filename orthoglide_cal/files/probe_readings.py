@@ -164,7 +164,7 @@ class PrinterFile(ReadOnly):
     data: dict[str, Readings] = field(default_factory=dict)
     remarks: tuple[Reason, ...] = ()  # those on its mesh excluded
     firmware: str = "klipper"  # as an export names it
-    unknown: str = ""  # as of `Excerpt`
+    unknown: str = ""  # why the settings in force are not known, in a sentence
     started: str | None = None  # ISO 8601; None where the file does not say
     steps: str = ""  # that a calibration was reckoned from, as stored
 

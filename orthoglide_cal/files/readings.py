@@ -415,13 +415,13 @@ class Table(Content):
         A column next to the readings that never holds free text has not got the 123.
         """
         pairs = (pair for pair in pairwise(self.columns) if pair[0] in ("reading_mm", "reading_in"))
-        value, beside = next(pairs, ("", ""))
-        if self.decimal_comma or not (self.rows and value) or beside in CODED:
+        value, after = next(pairs, ("", ""))
+        if self.decimal_comma or not (self.rows and value) or after in CODED:
             return
-        cells, fractions = ([row.get(name, "") for row in self.rows] for name in (value, beside))
+        cells, fractions = ([row.get(name, "") for row in self.rows] for name in (value, after))
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
         if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
-            what = f"Every reading is a whole number with digits in the next column, {beside!r}:"
+            what = f"Every reading is a whole number with digits in the next column, {after!r}:"
             what += " decimal commas?"
             remedy = "Write decimal points, or separate the columns with semicolons."
             self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
@@ -579,8 +579,8 @@ def readings_in(
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
     readings = readings_of(checked, machine, rows.source, lines)
-    found = _remarks(readings, rows.cells, machine)
-    return replace(readings, remarks=(*remarks, *rows.remarks, *found))
+    remarks = (*remarks, *rows.remarks, *_remarks(readings, rows.cells, machine))
+    return replace(readings, remarks=remarks)
 
 
 def readings_of(

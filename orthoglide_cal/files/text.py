@@ -117,15 +117,15 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
             if time.time() - left.stat().st_mtime > _ABANDONED_S or left.samefile(path):
                 left.unlink()
     try:
-        there = path.exists()
-        if there and not overwrite:
+        replaces = path.exists()
+        if replaces and not overwrite:
             raise FileExistsError
         check_writable(path)
         with temporary.open("xb") as file:
             file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()
             os.fsync(file.fileno())
-        if there:
+        if replaces:
             _keep_owner(path, temporary)
             shutil.copymode(path, temporary)
         if overwrite:

@@ -57,7 +57,7 @@ indicator on the effector does as well: always at this place and one height."""
 
 
 class Phase(StrEnum):
-    """What is read for each parameter, in this order."""
+    """Readings of each parameter, in this order."""
 
     LOOSE = "loose"
     PUSHED = "pushed"
@@ -83,7 +83,7 @@ class Adjusted(Schema):
 
     @classmethod
     def of(cls, state: State, adjustment: Adjustment, number: int) -> "Adjusted":
-        """What a journal has of an adjustment, the first of which is number 0."""
+        """Progress of an adjustment in a journal; the first adjustment is number 0."""
         steps = dict(enumerate(PHASES, len(PHASES) * number + 1))
         read = {steps[n]: item.take.value_mm for n, item in state.accepted.items() if n in steps}
         left = not steps.keys().isdisjoint(state.skipped)
@@ -111,7 +111,7 @@ class Adjusted(Schema):
 
     @property
     def removed(self) -> Removed:
-        """What it took away, as far as the gauge moved."""
+        """Errors that it took away, by as much as the gauge moved."""
         if self.status != "adjusted":
             return ()
         moved = self.readings_mm[Phase.TIGHT] - self.readings_mm[Phase.LOOSE]
@@ -130,7 +130,7 @@ class Adjusted(Schema):
 
     @property
     def next(self) -> Phase | None:
-        """What is read next; None once it is done or left."""
+        """Phase that is read next; None once it is done or left."""
         phase = next((phase for phase in PHASES if phase not in self.readings_mm), None)
         return None if self.left or phase is None else self.counts_as(phase, self.now_mm)
 
@@ -140,7 +140,7 @@ class Adjusted(Schema):
 
 
 class AdjustmentAnswer(Schema):
-    """What was adjusted after one measurement: the object of `adjust --json`."""
+    """Adjustments after one measurement: the object of `adjust --json`."""
 
     schema_version: Literal[1] = 1
     input: InputFile
@@ -338,7 +338,7 @@ def open_adjustments(
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
-    """What is read, in order: all phases of each adjustment."""
+    """Cells that are read, in order: all phases of each adjustment."""
     return tuple(c for one in adjustments for c in (*[one.here] * (len(PHASES) - 1), one.there))
 
 
@@ -378,7 +378,7 @@ def check_not_adjusted(given: Input) -> None:
 
 
 def adjusted_since(given: Input) -> Removed:
-    """What was adjusted after it was measured, by as much as the gauge moved.
+    """Errors that were taken away since the measurement, by as much as the gauge moved.
 
     Raises InputError: what is judged now is not what was adjusted then.
     """

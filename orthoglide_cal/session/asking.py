@@ -134,7 +134,7 @@ class Asker:
 
     @property
     def hint(self) -> str:
-        """What to do for a reading, behind the question for it; nothing without a gauge."""
+        """Advice how to read, behind the question for a reading; empty without a gauge."""
         return f" ({self.gauge.hint})" if self.gauge else ""
 
     @property

@@ -19,7 +19,7 @@ from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.session.wording import in_unit, value_text
 from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty
 
-# The limits define how often a question is asked in vain; they decide nothing of the result.
+# The limits define how often a sound reading is questioned; they decide nothing of the result.
 # Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.
 LIMIT = 4.5
 RARE = math.erfc(LIMIT / math.sqrt(2.0))

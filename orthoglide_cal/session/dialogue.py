@@ -153,13 +153,13 @@ class Dialogue:
 
         Raises UsageError if another file has the name, InputError if it cannot be written.
         """
-        there = self.path.read_bytes() if self.path.is_file() else None
-        if there != (text := session_text(self.so_far.session)).encode():
+        stored = self.path.read_bytes() if self.path.is_file() else None
+        if stored != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
             records = self.journal.events
             ends = [at for at, event in enumerate(records, 1) if isinstance(event, events.Ended)]
             before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
-            mine = there in [session_text(session).encode() for session in before]
+            mine = stored in [session_text(session).encode() for session in before]
             try:
                 write_text(self.path, text, overwrite=mine)
             except InputError as error:

@@ -106,7 +106,7 @@ class Opened(Event):
 
     @property
     def session(self) -> GuidedSession:
-        """What is measured where no record behind this one says it."""
+        """The session that is measured where no record behind this one says it."""
         fields = {name: getattr(self, name) for name in GuidedSession.model_fields}
         return GuidedSession().changed(**fields)
 

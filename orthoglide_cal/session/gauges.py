@@ -205,7 +205,7 @@ class SerialPort:
         return self._line
 
     def read(self, asked: bool) -> list[Token]:
-        """What `tokens` makes of all that has arrived. Raises GaugeLost.
+        """Messages that have arrived, cut by `tokens`. Raises GaugeLost.
 
         A port that was lost is opened; if `asked`, the format's request is sent, if it has one.
         """
@@ -235,9 +235,9 @@ class SerialPort:
         tokens = [self.format.parse(text) for text in texts if text.strip()]
         for number, token in enumerate(tokens):
             if token.value is not None and (decimals := re.search(r"[.,](\d+)", token.raw)):
-                known, here = (token.channel, token.unit), len(decimals[1])
-                most = self._decimals[known] = max(here, self._decimals.get(known, 0))
-                if here < most:
+                gauge, count = (token.channel, token.unit), len(decimals[1])
+                most = self._decimals[gauge] = max(count, self._decimals.get(gauge, 0))
+                if count < most:
                     short = f"It had {most} decimals before: press again; or q and --resume if you"
                     tokens[number] = token._replace(elsewhere=f"{short} changed that.")
         if now - self._since > PATIENCE_S:

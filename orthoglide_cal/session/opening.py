@@ -211,7 +211,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     )  # fmt: skip
     readings = tuple(step.cell for step in steps)
     planned = events.Planned(at=opened.at, readings=readings, following=following)
-    return [opened, planned][:version]
+    return [opened, planned] if version == 2 else [opened]
 
 
 def planned_next(
@@ -365,7 +365,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
     one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
     names = {"stands": "gauges side by side"}
     pairs: list[tuple[str, object, object]] = [
-        *((names.get(k, k), getattr(opened, k), asked) for k, asked in request.session.items()),
+        *((names.get(k, k), getattr(opened, k), now) for k, now in request.session.items()),
         ("seed", opened.seed, request.seed),
         *((f"machine, {k}", one.get(k, "none"), other.get(k, "none")) for k in one | other),
     ]

@@ -20,7 +20,7 @@ class WindowsTerminal:
         """A program has one console only, whatever the descriptor."""
 
     def read(self, timeout_s: float) -> str:
-        """As of `PosixTerminal`."""
+        """Keys pressed since the last call; "" after the time-out. Raises KeyboardInterrupt."""
         until = time.monotonic() + timeout_s
         while not msvcrt.kbhit():
             if time.monotonic() >= until:
@@ -51,7 +51,7 @@ Terminal = WindowsTerminal
 
 
 def lock(descriptor: int) -> None:
-    """As of `posix`."""
+    """Lock a file until it is closed or the process ends, however. Raises OSError if it is."""
     place = os.lseek(descriptor, 0, os.SEEK_CUR)
     os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
     try:

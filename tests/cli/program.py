@@ -75,7 +75,7 @@ def answer(*arguments: object, text: str = "") -> dict[str, Any]:
 
 def parameters(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """The parameters of an answer by their names."""
-    return {each["name"]: each for each in found["parameters"]}
+    return {parameter["name"]: parameter for parameter in found["parameters"]}
 
 
 def words(text: str) -> str:

@@ -73,7 +73,9 @@ def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     assert said["machine_file"] == "machine.yaml"
     assert entry["before"] == {"x": 0.0, "y": 0.0, "z": 0.0}
     assert entry["after"] == machine_file()["offsets_mm"]
-    assert entry["after"] == {each["name"]: each["enter"] for each in exported["parameters"]}
+    assert entry["after"] == {
+        parameter["name"]: parameter["enter"] for parameter in exported["parameters"]
+    }
     assert entry["data_sha256"] == sha256(Path("before.csv").read_bytes()).hexdigest()
 
 

@@ -38,7 +38,7 @@ def offsets() -> list[float]:
 
 
 def to_enter() -> list[float]:
-    return [each["enter"] for each in answer("solve", "before.csv")["parameters"]]
+    return [parameter["enter"] for parameter in answer("solve", "before.csv")["parameters"]]
 
 
 def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
@@ -52,7 +52,7 @@ def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
     assert offsets() == pytest.approx(expected, abs=1e-9)
     (entry,) = history()
     assert entry["written"]["target"] == str(Path("mill.ini").resolve())
-    assert [float(each["after"]) for each in entry["written"]["values"]] == offsets()
+    assert [float(value["after"]) for value in entry["written"]["values"]] == offsets()
     assert "--to" in refused(2, "apply", "--undo", "--yes")
     assert "Restart LinuxCNC" in done("apply", "--undo", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
@@ -136,7 +136,7 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
 
         def live(ini: ControllerFile, *, anew: bool = False) -> bool:
             """A LinuxCNC with these offsets runs here."""
-            told.extend(each.before for each in ini.settings.values() if anew)
+            told.extend(value.before for value in ini.settings.values() if anew)
             return True
 
         with monkeypatch.context() as patch:

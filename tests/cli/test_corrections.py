@@ -33,7 +33,7 @@ def measured(name: str, seed: int, *cause: str) -> None:
     held = yaml.safe_load(Path("machine.yaml").read_text())["offsets_mm"]
     left = [f"{TRUE[axis] - held[axis]:.6f}" for axis in "xyz"]
     options = ("--machine", "machine.yaml", "--seed", str(seed), "--cycles", "5")
-    causes = [text for each in cause for text in ("--cause", each)]
+    causes = [word for text in cause for word in ("--cause", text)]
     done("simulate", *options, *causes, "--offsets", *left, "--output", name)
     as_measured(name)
 
@@ -61,7 +61,10 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     measured("before.csv", 5, *cause)
     unchanged, said = large.read_text(), applied("before.csv")
     assert large.read_text().endswith("\ncomplete: true\n"), "a file that is cut off is refused"
-    left = {(each["id"], each["name"]): each["left"] for each in said["corrections"]}
+    left = {
+        (correction["id"], correction["name"]): correction["left"]
+        for correction in said["corrections"]
+    }
     id = cause[0].partition("=")[0] if cause else "encoder_scale"
     assert left == {(id, "x"): "", (id, "y"): "", (id, "z"): "below_u"}
     assert Path("mill.ini").read_text().count("\nCOMP_FILE =") == 2
@@ -145,9 +148,12 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "touches.csv")
     as_measured("touches.csv")
     options = ("touches.csv", "--machine", "machine.yaml")
-    enter = {each["name"]: each["enter"] for each in answer("solve", *options)["parameters"]}
+    enter = {
+        parameter["name"]: parameter["enter"]
+        for parameter in answer("solve", *options)["parameters"]
+    }
     said = answer("apply", *options, "--to", "printer.cfg", "--yes")
-    written = {each["key"]: float(each["after"]) for each in said["written"]["values"]}
+    written = {value["key"]: float(value["after"]) for value in said["written"]["values"]}
     for tower, share in (("a", 4e-3), ("b", -0.3e-3), ("c", 0.0)):
         pitch = written.get(f"[stepper_{tower}] rotation_distance", 40.0)
         assert pitch == pytest.approx(40.0 * (1.0 + share), abs=1e-4)

@@ -64,7 +64,7 @@ def test_json_and_page_say_the_same():
     found = answer("history", ".", "--limit", "0.5")
     assert set(found) >= set(CONTRACT["history"].split())
     (change,) = found["changes"]
-    files = [each["path"] for each in found["sessions"]]
+    files = [session["path"] for session in found["sessions"]]
     assert files.index(change["after"]) == files.index(change["before"]) + 1
     assert found["limit"]["limit_mm"] == 0.5
     run("history", *reversed(files), "--html", "page.html", "--limit", "0.5")
@@ -96,7 +96,9 @@ def test_a_printer_is_compared_too():
     found = answer("history", *files)
     assert found["verdict"] == "changed"
     assert found["changes"][0]["before"] == files[0]
-    changed = {each["name"]: each["value"] for each in found["changes"][0]["parameters"]}
+    changed = {
+        parameter["name"]: parameter["value"] for parameter in found["changes"][0]["parameters"]
+    }
     assert changed["radius"] == pytest.approx(1.0, abs=0.2)
     run("history", *files, "--html", "page.html")
     assert "Residuals of the touches" in Path("page.html").read_text(encoding="utf-8")

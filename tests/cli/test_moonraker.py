@@ -71,7 +71,7 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MOONRAKER_API_KEY", "s3cret")
     Path("printer.cfg").write_bytes(GOOD)
     server = StandIn(info=INFO, printer=GOOD)
-    both = [answer("solve", each)["parameters"] for each in ("printer.cfg", server.address)]
+    both = [answer("solve", source)["parameters"] for source in ("printer.cfg", server.address)]
     assert both[0] == both[1]
     assert {key for _, key in server.asked} == {"s3cret"}
 

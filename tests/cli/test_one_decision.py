@@ -169,7 +169,7 @@ def test_equal_quantities_are_equal_to_the_last_digit() -> None:
         lack = solved.lack_of_fit
         assert lack.p_value == solved.noise.p_value
         assert lack.residual_mm == solved.noise.residuals_mm
-        residuals = [each.weight * (each.measured_mm - each.modelled_mm) for each in
+        residuals = [residual.weight * (residual.measured_mm - residual.modelled_mm) for residual in
                      solved.residuals]  # fmt: skip
         assert float(np.sqrt(np.mean(np.square(residuals)))) == pytest.approx(
             lack.left_mm, rel=1e-12
@@ -190,7 +190,7 @@ def test_undecided_the_residual_is_that_of_the_values_shown() -> None:
         shown = answer_to(given)
         assert shown.verdict is Verdict.AMBIGUOUS
         problem, data = pose(given.measured, given.model, given.measured.kind)
-        values = np.array([each.found for each in shown.parameters])
+        values = np.array([parameter.found for parameter in shown.parameters])
         left = data - problem.predict(values)
         assert shown.rms.after_mm == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-12)
         alone = solve(given.measured, given.model)

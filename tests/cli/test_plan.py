@@ -39,18 +39,18 @@ def test_the_json_is_that_of_the_contract() -> None:
     (data,) = lines(shown)
     assert set(data) >= set(CONTRACT["plan"].split())
     assert "next" not in data  # without a file
-    row = next(each for each in data["by_cycles"] if each["cycles"] == 3)
+    row = next(row for row in data["by_cycles"] if row["cycles"] == 3)
     assert row["readings"] == 60
     for key in ("noise_std_mm", "expanded_mm"):
         assert list(row[key]) == ["x", "y", "z"]
     assert row["minutes"] > 0.0
     count = len(OWN)
     assert len(data["separation"]) == count * (count - 1) // 2
-    assert {id for each in data["separation"] for id in each["causes"]} == set(OWN)
+    assert {id for pair in data["separation"] for id in pair["causes"]} == set(OWN)
     assert "leg_length" in data["invisible"]
     assert set(data["design"]) >= {"readings", "minutes", "gauge_at", "noise_std_mm"}
     assert data["limits"]["source"] == "leg_length"
-    assert {each["method"] for each in data["compare"]} == {
+    assert {way["method"] for way in data["compare"]} == {
         "single", "single-sequential", "six-linear", "twelve-linear", "six", "twelve", "readings",
     }  # fmt: skip
 
@@ -58,7 +58,7 @@ def test_the_json_is_that_of_the_contract() -> None:
 def test_a_target_takes_as_many_cycles_as_it_needs() -> None:
     (data,) = lines(once("plan", "--target", "0.022", "--json"))
     assert data["target"] == {"expanded_mm": 0.022, "reached": True, "cycles": data["cycles"]}
-    reach = {each["cycles"]: max(each["expanded_mm"].values()) for each in data["by_cycles"]}
+    reach = {row["cycles"]: max(row["expanded_mm"].values()) for row in data["by_cycles"]}
     assert reach[data["cycles"]] <= 0.022 < reach[6]
     shown = once("plan", "--target", "0.022").stdout
     assert f"± 0.022 mm takes {data['cycles']} cycles" in shown
@@ -128,12 +128,12 @@ def test_the_json_is_that_of_the_contract_as_far_as_it_fits() -> None:
     rivals = frozenset(("tower_lean", "bed_shape"))
     assert design["rivals_sigma"] >= 5.0
     assert design["readings"] == sizes["telling"]
-    pairs = {frozenset(each["causes"]): each["sigma"] for each in data["separation"]}
+    pairs = {frozenset(pair["causes"]): pair["sigma"] for pair in data["separation"]}
     assert pairs[rivals] == pytest.approx(design["rivals_sigma"])
     assert "tower_radius" in data["invisible"]
     assert data["limits"]["source"] == "leg_length"
     flat = lines(run("plan", *MACHINE, "--layout", "bed-49", "--json"))[0]
-    pairs = {frozenset(each["causes"]): each["sigma"] for each in flat["separation"]}
+    pairs = {frozenset(pair["causes"]): pair["sigma"] for pair in flat["separation"]}
     assert pairs[rivals] < 1.0
 
 
@@ -172,12 +172,12 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     assert diagnosis["next_measurement"] == first
     assert first["chance"] > 0.95
     # By the expected time; what stays open means coming back, eight hours later.
-    lost = [each["minutes"] + 480.0 * (1.0 - each["chance"]) for each in plan["next"]]
+    lost = [option["minutes"] + 480.0 * (1.0 - option["chance"]) for option in plan["next"]]
     assert lost == sorted(lost)
-    surest = max(each["chance"] for each in plan["next"])
-    quicker = [each for each in plan["next"] if each["minutes"] < first["minutes"]]
+    surest = max(option["chance"] for option in plan["next"])
+    quicker = [option for option in plan["next"] if option["minutes"] < first["minutes"]]
     assert first["chance"] > 0.99 * surest
-    assert all(each["chance"] < first["chance"] for each in quicker)
+    assert all(option["chance"] < first["chance"] for option in quicker)
     assert others[-1]["chance"] < 0.5
 
 
@@ -246,14 +246,14 @@ def test_a_target_beside_a_file_is_answered() -> None:
     said = words(once("plan", DOUBLE, "--target", "0.022").stdout)
     (plan,) = lines(once("plan", DOUBLE, "--json"))
     able = [n for n in plan["next"] if max(n["expanded_mm"].values()) <= 0.022]
-    quickest = min(able, key=lambda each: each["minutes"])
+    quickest = min(able, key=lambda option: option["minutes"])
     assert f"± 0.022 mm takes about {quickest['minutes']:.0f} min: {quickest['what']}" in said
 
 
 def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
     shown = run("plan", DOUBLE, "--details").stdout
     (solved,) = lines(run("solve", DOUBLE, "--json"))
-    now = max(each["expanded"] for each in solved["parameters"])
+    now = max(parameter["expanded"] for parameter in solved["parameters"])
     assert "✔ Nothing is undecided" in shown
     assert shown.index("1. See what to enter") < shown.index("2. Or, to reduce U: ")
     assert f"Now it is ± {now:.3f} mm." in " ".join(shown.replace("│", " ").split())

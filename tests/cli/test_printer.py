@@ -140,7 +140,7 @@ def test_measured_arms_that_the_firmware_has_not_make_the_radius_unsure() -> Non
     """What is found goes with the firmware's arms, and is wrong by more than they were read to."""
     mesh = ("solve", "longer.cfg", "--data", "mesh")
     apart, alike = (answer(*mesh, *known(longer)) for longer in (0.9, 0.01))
-    told, sure = (parameters(each)["radius"] for each in (apart, alike))
+    told, sure = (parameters(fit)["radius"] for fit in (apart, alike))
     wrong = abs(told["active"] + told["found"] - TRUE["radius"])
     assert sure["expanded"] < wrong < told["expanded"]
     (said,) = (note for note in apart["notes"] if note.startswith("Arms: the machine file says"))
@@ -201,13 +201,13 @@ def test_dates_of_one_printer_are_judged_together() -> None:
     Path("later.cfg").write_text(printer_cfg(CALIBRATED, Truth(), seed=4))
     both = ("diagnose", "printer.cfg", "later.cfg", "--data", "mesh", "--together")
     found = answer(*both)
-    assert [each["path"] for each in found["inputs"]] == ["printer.cfg", "later.cfg"]
+    assert [file["path"] for file in found["inputs"]] == ["printer.cfg", "later.cfg"]
     assert found["verdict"] == "consistent"
-    before, after = (parameters(each) for each in found["dates"])
+    before, after = (parameters(date) for date in found["dates"])
     for name, value in TRUE.items():
         assert before[name]["active"] != after[name]["active"]
-        for each in (before[name], after[name]):
-            assert abs(each["active"] + each["found"] - value) < 3.0 * each["std"]
+        for parameter in (before[name], after[name]):
+            assert abs(parameter["active"] + parameter["found"] - value) < 3.0 * parameter["std"]
     said = words(run(*both).stdout)
     assert "Not determined: leg_length, taken as stated to within 0.3 mm." in said
     assert "printer.cfg later.cfg --data mesh --together" in said
@@ -236,7 +236,7 @@ def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     """In every form: values for programs, the machine file, the page, and what is typed."""
     (cause,) = found("diagnose", "belt.csv", *MACHINE)["causes"]
     assert cause["id"] == "encoder_scale"
-    assert [each["name"] for each in cause["parameters"]] == ["a", "b", "c"]
+    assert [parameter["name"] for parameter in cause["parameters"]] == ["a", "b", "c"]
     accept = ("--accept", "encoder_scale", "--output", "known.yaml")
     done("diagnose", "belt.csv", *MACHINE, *accept)
     (kept,) = yaml.safe_load(Path("known.yaml").read_text())["identified"]
@@ -296,7 +296,9 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     """Within U, most of which is what the arms leave open: of all three endstops alike."""
     straight, solved = (found("solve", name, *MACHINE) for name in ("right.csv", "tilted.csv"))
     assert (straight["release"]["usable"], straight["release"]["settled"]) == (True, True)
-    assert all(abs(each["found"]) < 0.7 * each["expanded"] for each in solved["parameters"])
+    assert all(
+        abs(parameter["found"]) < 0.7 * parameter["expanded"] for parameter in solved["parameters"]
+    )
     assert not solved["release"]["settled"]
     planned = page("plan", "tilted.csv", *MACHINE)
     assert planned.index("To reduce U: about") < planned.index(" Next ")
@@ -306,8 +308,9 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
 def test_of_what_the_touches_do_not_determine_no_number_is_told() -> None:
     told = found("solve", "grid.csv", *MACHINE)
     assert not told["release"]["usable"]
-    for each in told["parameters"]:
-        assert (each["determined"], each["found"], each["enter"]) == (False, None, None)
+    for parameter in told["parameters"]:
+        stated = [parameter[key] for key in ("determined", "found", "enter")]
+        assert stated == [False, None, None]
     assert page("solve", "grid.csv", *MACHINE).count("not determined") == 6
 
 
@@ -334,7 +337,7 @@ def typed(text: str) -> list[str]:
 def test_the_next_steps_are_about_the_readings_that_were_shown(command: tuple[str, ...]) -> None:
     said = once(command[0], "printer.cfg", "--data", "mesh", *command[1:]).stdout
     told = typed(said.partition("Also judged: ")[0])
-    assert all("--data mesh" in each for each in told), told
+    assert all("--data mesh" in line for line in told), told
 
 
 def test_a_cause_is_accepted_from_the_readings_that_showed_it() -> None:
@@ -344,7 +347,7 @@ def test_a_cause_is_accepted_from_the_readings_that_showed_it() -> None:
     text = Path("v400.yaml").read_text()
     Path("v400.yaml").write_text(text.replace("bed_shape: 0.1", "bed_shape: 0"))
     said = run("diagnose", "printer.cfg", "--data", "mesh", *MACHINE).stdout
-    (accept,) = (each for each in typed(said) if "--accept" in each)
+    (accept,) = (line for line in typed(said) if "--accept" in line)
     assert "--data mesh" in accept
     accepted = run(*accept.split()[1:], "--output", "known.yaml")
     assert accepted.exit_code == 0, accepted.stderr
@@ -358,16 +361,16 @@ def test_a_report_judges_the_data_selected_and_shows_the_others() -> None:
     both = {
         data: answer("report", "printer.cfg", "--data", data) for data in ("calibration", "mesh")
     }
-    usable = {data: each["answer"]["release"]["usable"] for data, each in both.items()}
+    usable = {data: report["answer"]["release"]["usable"] for data, report in both.items()}
     assert usable == {"calibration": True, "mesh": False}
     for data, other in (("calibration", "mesh"), ("mesh", "calibration")):
         assert both[data]["answer"]["input"]["data"] == data
-        assert [each["input"]["data"] for each in both[data]["others"]] == [other]
+        assert [entry["input"]["data"] for entry in both[data]["others"]] == [other]
     codes = ["other_data", "nozzle_lower"]
     assert both["calibration"]["answer"]["release"]["codes"] == codes
     whole = answer("report", "printer.cfg")
     assert whole["answer"] == both["calibration"]["answer"]
-    assert len({each["identity"]["number"] for each in both.values()}) == 2
+    assert len({report["identity"]["number"] for report in both.values()}) == 2
     shown = run("report", "printer.cfg")
     assert shown.exit_code == 0
     first, _, rest = shown.stdout.partition("Also judged: ")

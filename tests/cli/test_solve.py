@@ -28,12 +28,12 @@ def test_json_is_the_answer(file: str) -> None:
     assert found["input"] == expected
     assert found.keys() == Answer.model_json_schema(mode="serialization")["properties"].keys()
     assert found["release"]["usable"] == (shown.exit_code == 0) == (not found["release"]["reasons"])
-    assert [each["name"] for each in found["parameters"]] == ["x", "y", "z"]
-    for k, each in enumerate(found["parameters"]):
+    assert [parameter["name"] for parameter in found["parameters"]] == ["x", "y", "z"]
+    for k, parameter in enumerate(found["parameters"]):
         variance = sum(source["std"][k] ** 2 for source in found["budget"])
-        assert each["std"] == pytest.approx(math.sqrt(variance))
-        assert each["expanded"] == pytest.approx(found["k"] * each["std"])
-        assert (each["enter"] is not None) == found["release"]["usable"]
+        assert parameter["std"] == pytest.approx(math.sqrt(variance))
+        assert parameter["expanded"] == pytest.approx(found["k"] * parameter["std"])
+        assert (parameter["enter"] is not None) == found["release"]["usable"]
         assert found["correlation"][k][k] == 1.0
     assert len(found["deviations"]) == 6
     for row in found["deviations"]:
@@ -67,9 +67,10 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
     assert shown.index("may be entered") < shown.index("± U   enter")
     assert "+0.671" in run("solve", "--machine", str(machine), DOUBLE, "--details").stdout
     cells = {row.split()[0]: row.split() for row in shown.splitlines() if row[:3] in {"  x", "  y"}}
-    for each, active in zip(found["parameters"], (0.25, -1.5), strict=False):
-        row = cells[each["name"]]
+    for parameter, active in zip(found["parameters"], (0.25, -1.5), strict=False):
+        row = cells[parameter["name"]]
         assert float(row[1]) == active
-        assert float(row[2].replace("−", "-")) == pytest.approx(each["found"], abs=5e-4)
-        assert float(row[3]) == pytest.approx(each["expanded"], rel=0.05)
-        assert float(row[4]) == each["enter"] == pytest.approx(active + each["found"], abs=5e-4)
+        assert float(row[2].replace("−", "-")) == pytest.approx(parameter["found"], abs=5e-4)
+        assert float(row[3]) == pytest.approx(parameter["expanded"], rel=0.05)
+        new = active + parameter["found"]
+        assert float(row[4]) == parameter["enter"] == pytest.approx(new, abs=5e-4)

@@ -70,7 +70,7 @@ def test_a_number_cut_off_on_its_way_is_no_reading(
     for _ in range(4):
         gauge.begin(step, 0)
         told += [item.elsewhere for item in gauge.poll(asked=False)]
-    assert [bool(each) for each in told] == [False, True, False, False]
+    assert [bool(text) for text in told] == [False, True, False, False]
     assert "3 decimals before" in (told[1] or "")
 
 

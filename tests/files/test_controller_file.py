@@ -38,7 +38,7 @@ def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
     """As a running controller takes them, wherever their sections stand."""
     head, *joints = INI.split("[JOINT_")
     turned = of(tmp_path, "[JOINT_".join((head, *reversed(joints))))
-    texts = [each.before for each in turned.settings.values()]
+    texts = [value.before for value in turned.settings.values()]
     assert texts == ["0.500", "-12.25", "0"]
 
 
@@ -75,10 +75,10 @@ def test_three_values_change_and_come_back(
     assert path.stat().st_mode & 0o777 == 0o640
     lines = zip(data.split(b"\n"), path.read_bytes().split(b"\n"), strict=True)
     differing = [number for number, (old, new) in enumerate(lines, start=1) if old != new]
-    assert differing == [11, 14, 17] == [each.line for each in written.values]
-    for each, old, name in zip(written.values, (0.5, -12.25, 0.0), "xyz", strict=True):
+    assert differing == [11, 14, 17] == [value.line for value in written.values]
+    for value, old, name in zip(written.values, (0.5, -12.25, 0.0), "xyz", strict=True):
         rounding = 0.5e-3 if factor == 1.0 else 0.5e-5
-        assert float(each.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
+        assert float(value.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
     assert b"# the switch; 0.500 behind it" in path.read_bytes()
     after = controller_file(str(path))
     replace_file(after.target, after.sha256, after.restored(written)[1])
@@ -135,7 +135,7 @@ def test_what_an_included_file_may_say_is_not_written_over(
 def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
     before = of(tmp_path, CFG)
     written, data = changed(before)
-    assert [(each.line, each.before, each.after) for each in written.values] == [
+    assert [(value.line, value.before, value.after) for value in written.values] == [
         (10, "140.100000", "140.200000"),
         (15, "300.100000", "300.500000"),
         (23, "300.300000", "299.900000"),

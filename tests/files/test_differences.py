@@ -21,7 +21,7 @@ def table(names, value="0.1"):
 @pytest.mark.parametrize("d", ["d", "", "D", "Δ"])
 def test_kinds_are_recognised_by_name(tmp_path, kind, d):
     which = DIFFERENCES[kind][::-1]
-    read = differences(tmp_path, table([d + each.name[1:] for each in which]))
+    read = differences(tmp_path, table([d + difference.name[1:] for difference in which]))
     assert read.kind is kind
     assert read.which == which
     assert read.value.tolist() == [0.1] * len(which)
@@ -46,7 +46,7 @@ def test_other_ways_to_write_the_same(tmp_path):
     read = differences(
         tmp_path, "Difference ; Value_in\r\n# c\r\ndX_Y+;\u22120,01\r\n\r\n d x_y\u2212 ;0.02\r\n"
     )
-    assert [each.name for each in read.which] == ["dx_y+", "dx_y-"]
+    assert [difference.name for difference in read.which] == ["dx_y+", "dx_y-"]
     assert read.value.tolist() == [-0.254, 0.508]
 
 

@@ -228,7 +228,7 @@ MODELS = st.builds(
 ) | st.builds(
     Model,
     st.sampled_from([read(PRINTER).machine, read(delta_yaml(UNEVEN)).machine]),
-    st.just(tuple(each.accepted("2026-01-01", DIGEST) for each in OF_PRINTERS)),
+    st.just(tuple(effect.accepted("2026-01-01", DIGEST) for effect in OF_PRINTERS)),
 )
 
 

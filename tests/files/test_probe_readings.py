@@ -184,7 +184,7 @@ def test_endstops_that_were_trimmed_after_the_calibration_are_told(
     for end in set(UNEVEN.endstops):
         text = text.replace(f"position_endstop = {end}\n", f"position_endstop = {end + by}\n")
     remarks = sentences(taken(tmp_path, text).measured.remarks)
-    (remark,) = (each for each in remarks if "first layer" in each)
+    (remark,) = (remark for remark in remarks if "first layer" in remark)
     assert all(word in remark for word in words), remark
 
 

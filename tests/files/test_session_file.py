@@ -109,7 +109,7 @@ def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
     path = save(tmp_path, session_text(values(same)))
     alone, given, other = read_input(path), read_input(path, same), read_input(path, MODEL)
     assert machine_values(alone.model) == machine_values(same)
-    assert [each.cause.id for each in alone.model.accepted] == ["encoder_scale", "axis_gap"]
+    assert [effect.cause.id for effect in alone.model.accepted] == ["encoder_scale", "axis_gap"]
     assert given.model is same
     assert given.measured.remarks == ()
     assert other.model.accepted == ()

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -106,6 +107,15 @@ def test_a_file_system_without_links(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
 
 
+def test_what_an_interrupted_write_left_goes_once_nobody_can_be_writing_it(tmp_path):
+    old, new = (tmp_path / f".b.0123456789a{end}.tmp" for end in "bc")
+    for path, age_s in ((old, 3700.0), (new, 3500.0)):
+        path.touch()
+        os.utime(path, (time.time() - age_s,) * 2)
+    write_text(tmp_path / "a", "x")
+    assert [path.exists() for path in (old, new)] == [False, True]
+
+
 def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
     path, other = tmp_path / "a.ini", tmp_path / "b.ini"
     path.write_text("before")
@@ -124,7 +134,7 @@ def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
     write_text(path, "after", overwrite=True)
     assert (path.stat().st_uid, path.stat().st_gid) == (wanted.st_uid, wanted.st_gid)
     assert (path.stat().st_mode, path.read_text()) == (wanted.st_mode, "after")
-    assert [each.name for each in tmp_path.iterdir()] == ["a.ini"]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.ini"]
 
     def may_not(*_):
         raise PermissionError(1, "Operation not permitted")

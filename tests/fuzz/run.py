@@ -177,7 +177,7 @@ def judged(arguments: list[str]) -> str | None:
     if shown.exit_code and not shown.output.strip():
         return "not a word"
     if shown.exit_code == 0 and arguments[0] == "solve" and "--json" in arguments:
-        found = [each["found"] for each in lines(shown)[0]["parameters"]]
+        found = [parameter["found"] for parameter in lines(shown)[0]["parameters"]]
         if not max(map(abs, found)) <= PLAUSIBLE_MM:
             return f"offsets {found}"
     return None

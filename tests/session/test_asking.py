@@ -158,6 +158,14 @@ def test_keys_work_while_the_gauge_is_lost() -> None:
 # ---- too soon to be meant
 
 
+def test_what_a_gauge_said_before_the_prompt_is_ignored_and_the_place_shown_again() -> None:
+    asker, screen, scene = at((1.0, "0.5", []))
+    scene._said = [READ]
+    assert asker.ask(ASKED, STEP) == "0.5"
+    ignored = "ignored: -0.64 came before the prompt; if intended, give it again"
+    assert screen.text == f"{ignored}\n{PLACE}\n{PROMPT}"
+
+
 @pytest.mark.parametrize("driving", [False, True])
 @pytest.mark.parametrize("second", ["-0.64", "0.41", "k", ""])
 def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: str) -> None:

@@ -97,6 +97,20 @@ def test_one_wrong_reading(
     assert words in question.text
 
 
+@pytest.mark.parametrize(
+    ("seed", "at", "wrong", "words"),
+    [(48, 31, slip(1), "one revolution?"), (62, 22, tenfold, "decimal point misplaced?")],
+)
+def test_an_explanation_that_fits_far_worse_is_not_named(
+    seed: int, at: int, wrong: Callable[[float], float], words: str
+) -> None:
+    steps = steps_of()
+    values = readings_of(steps, seed)
+    values[at] = wrong(values[at])
+    ((_, question),) = play(values, steps, questions=1, begin=at)
+    assert question.text.partition(": ")[2] == words
+
+
 @pytest.mark.parametrize("doubt", [Doubt.SIGN, Doubt.EXCHANGED])
 def test_gauges_of_a_whole_leg(doubt: Doubt) -> None:
     """A wrong sign shows once the offsets are known and a second posture is read, an exchange from

@@ -102,7 +102,9 @@ def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> No
     assert len(shown) > 20
     said = re.findall(r"([-+]\d\.\d+) ± (\d\.\d+)", shown[-1])
     offsets_mm, expanded_mm = np.array(said, dtype=float).T
-    np.testing.assert_allclose(offsets_mm, [each.found for each in found.parameters], atol=6e-4)
+    np.testing.assert_allclose(
+        offsets_mm, [parameter.found for parameter in found.parameters], atol=6e-4
+    )
     variance = np.sum([np.square(line.std) for line in sure], axis=0)
     np.testing.assert_allclose(expanded_mm, found.k * np.sqrt(variance), atol=6e-4)
     # Without the warmth it would be half as large.

@@ -86,10 +86,10 @@ def test_the_covariance_is_that_of_the_formula() -> None:
 
 @pytest.mark.parametrize("cause", [None, "axis_gap", "backlash", "thermal_drift"])
 def test_known_causes_are_expected_where_and_when_they_act(cause: str | None) -> None:
-    """Of any readings in any order, with their own zeros and times."""
+    """The readings stand in any order, with their own zeros and times."""
     rng = np.random.default_rng(3)
     known = [CAUSES[cause]] if cause else []
-    effects = [each.at(np.linspace(-0.3, 0.4, each.unknowns)) for each in known]
+    effects = [entry.at(np.linspace(-0.3, 0.4, entry.unknowns)) for entry in known]
     model, whole = NOMINAL.extended(effects), timed_plan()
     rows, order = rng.permutation(60)[:25], np.arange(25)
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))

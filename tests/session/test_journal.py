@@ -234,6 +234,14 @@ def test_no_reading_ever_vanishes(seed: int) -> None:
             assert state.takes(step) == sum(take.step == step for take in arrived)
 
 
+def test_an_undo_takes_back_neither_a_note_nor_the_gauge_in_use() -> None:
+    """The session was resumed with another gauge behind the reading that is taken back."""
+    records = [opened(), taken(1, 0.1), taken(2, 0.2), Reopened(at=AT, source=("mahr:/dev/x",))]
+    state = replay([*records, Noted(at=AT, step=2, text="oil"), Undone(at=AT)])
+    assert list(state.accepted) == [1]
+    assert (state.source, state.notes) == (("mahr:/dev/x",), ((2, "oil"),))
+
+
 @seeds
 def test_undo_goes_back_one_thing_at_a_time(seed: int) -> None:
     """Before the last reading, retake or skip; what was dropped since comes back with it."""

@@ -129,7 +129,10 @@ def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize(
     ("protocol", "cycles"),
-    [(SINGLE, 1), *(pytest.param(each, 3, marks=pytest.mark.slow) for each in (SINGLE, DOUBLE))],
+    [
+        (SINGLE, 1),
+        *(pytest.param(protocol, 3, marks=pytest.mark.slow) for protocol in (SINGLE, DOUBLE)),
+    ],
 )
 def test_killed_at_every_step(
     tmp_path: Path, phase: str, protocol: MeasuringProtocol, cycles: int
