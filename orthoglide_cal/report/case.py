@@ -3,7 +3,7 @@ next steps, and the facts about machine, gauges and circumstances, in the words 
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import zip_longest
 
@@ -53,7 +53,7 @@ class Case:
 
     given: Input
     answer: Answer
-    asked: str = ""  # what else diagnose was told, as it is typed
+    options: Mapping[str, object] = field(default_factory=dict)  # further ones of diagnose
 
     @property
     def source(self) -> Source:
@@ -110,14 +110,15 @@ class Case:
         if verb == "diagnose" and self.source.earlier:
             paths = [*self.source.earlier, *paths]
             given.append("--together")
-        given += [self.asked] * (verb == "diagnose" and bool(self.asked))
         if self.method is not None and verb in _TAKING_METHODS:
             given.append(f"--method {self.method}")
         given += filter(None, options)
         if verb in _DIAGNOSING:
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         paths += filter(None, [other])
-        return command(verb, *paths, machine=self.given.machine_file, options=" ".join(given))
+        named = self.options if verb == "diagnose" else {}
+        machine = self.given.machine_file
+        return command(verb, *paths, machine=machine, options=" ".join(given), **named)
 
     def remedies(self, *wanted: str) -> Iterator[doc.Line]:
         """Steps instead of entering the parameters, and about causes; with options only these."""
