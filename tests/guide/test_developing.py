@@ -152,7 +152,8 @@ def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     assert entry["after"]["b"] == pytest.approx(9.3, abs=0.05)
 
 
-@pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md))`", PAGE))
+@pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md)|[a-z]\w*/[\w/]+)`", PAGE))
 def test_every_file_that_is_named_exists(path: str) -> None:
     if not re.search("ID|KIND", path):
-        assert (SOURCE / path).is_file() or (ROOT / path).is_file()
+        name = path if "." in path else f"{path}.py"
+        assert (SOURCE / name).is_file() or (ROOT / name).is_file()
