@@ -231,8 +231,8 @@ def unwritten(file: StoredMachine) -> str | None:
 
 def _last_written(file: StoredMachine) -> Written | None:
     """What the last entry wrote to a controller's file; None for nothing."""
-    *_, written = None, *(entry.written for entry in file.model.machine.history)
-    return written
+    history = file.model.machine.history
+    return history[-1].written if history else None
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:

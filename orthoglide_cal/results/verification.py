@@ -541,12 +541,12 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
 
 def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    found = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
-    every = joined(*found).at_once()
+    as_found = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
+    every = joined(*as_found).at_once()
     _, cell = np.unique(every.repeats, return_inverse=True)
     design = (cell[:, None] == np.unique(cell)).astype(np.float64)
-    later = np.arange(len(every)) >= len(found[0])
-    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in found))))
+    later = np.arange(len(every)) >= len(as_found[0])
+    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in as_found))))
     seen = unexplained(unknown, later[:, None] * design)
     information, axes = np.linalg.eigh(seen.T @ seen)
     kept = information > NO_INFORMATION

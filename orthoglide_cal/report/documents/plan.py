@@ -43,7 +43,7 @@ _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
 _BRIEF_NEXT = 3
 _MOST_LAYOUTS = 5
-# Two causes that are less than so many σ apart may not be told apart: the darker, the less.
+# Two causes that are less than so many σ apart may not be distinguished: the darker, the less.
 _SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"))
 _MOST_SIGMA = 99  # beyond which the number says nothing more
 # Where the places to probe are written, unless somebody chose another name.
