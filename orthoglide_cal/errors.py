@@ -46,8 +46,7 @@ def command(verb: str, *paths: str, options: str = "", **named: object) -> str:
         verb: of the program, e.g. "solve".
         paths: of its input files, as the user gave them.
         options: further ones, as they are typed.
-        named: options with a file or numbers, as the user gave them, e.g. `machine`, or a flag;
-            None and False for none.
+        named: options with a file or numbers, as the user gave them, or a flag; None, False: none.
 
     >>> command("diagnose", "my data.csv", options="--accept axis_gap", together=True)
     "orthocal diagnose 'my data.csv' --together --accept axis_gap"

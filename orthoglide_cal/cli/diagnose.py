@@ -94,9 +94,8 @@ def diagnose(
                 recalibrated=recalibrated,
             )
         case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
-        if together and diagnosed:
-            case = replace(case, answer=with_dates(case.answer, diagnosed, dates))
-        case = replace(case, options=options)
+        dated = with_dates(case.answer, diagnosed, dates) if together and diagnosed else case.answer
+        case = replace(case, answer=dated, options=options)
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code

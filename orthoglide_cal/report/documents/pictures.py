@@ -209,10 +209,10 @@ def reading_panels(
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
     microns = {model: 1000.0 * values for model, values in left_mm.items()}
-    first, *_, last = [*microns.values()] * 2
+    models = [*microns.values()]
     middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
     low, high = middle - reach, middle + reach
-    ends = np.stack((*microns.values(), low, high))[:, [*chain(*panels.values())]]
+    ends = np.stack((*models, low, high))[:, [*chain(*panels.values())]]
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
@@ -245,12 +245,12 @@ def reading_panels(
                 parts.append(tag("polygon", points=points(edge), class_="band"))
                 parts.append(thread([(x[k], up(middle[k])) for k in ks]))
             elif not over:
-                parts.append(thread([(x[k], up(last[k])) for k in ks]))
-        for values in microns.values():
-            style = "mark" if values is last else "mark open"
+                parts.append(thread([(x[k], up(models[-1][k])) for k in ks]))
+        for values in models:
+            style = "mark" if values is models[-1] else "mark open"
             parts += (mark(x[k], up(values[k]), rows[k].cycle - 1, style) for k in numbers)
-        circled = (k for k in numbers if k in ringed)
-        parts += (tag("circle", cx=x[k], cy=up(first[k]), r=9.0, class_="fault") for k in circled)
+        circled = ((x[k], up(models[0][k])) for k in numbers if k in ringed)
+        parts += (tag("circle", cx=cx, cy=cy, r=9.0, class_="fault") for cx, cy in circled)
         lists = (
             f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
             for model, values in microns.items()
