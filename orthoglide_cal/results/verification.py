@@ -280,10 +280,13 @@ def verify(
     u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
     pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
     rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
-    was, will_be, sure = np.array(
-        [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
-    ).T
+    columns = [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
+    was, will_be, sure = np.array(columns).T
     apart, both = rms(left - will_be), rms(np.hypot(sure, u))
+    outcomes, decision = [row.outcome for row in rows if row.outcome], None
+    if limit_mm is not None:
+        worst = min(outcomes, key=[*Outcome].index)
+        decision = Conformity(outcome=worst, limit_mm=limit_mm)
     # Only an opposite sign can come of the wrong order.
     unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
     return Verification(
@@ -301,19 +304,16 @@ def verify(
         corrected=corrected,
         differences=rows,
         **response,
-        decision=None
-        if limit_mm is None
-        else Conformity(
-            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
-            limit_mm=limit_mm,
-        ),
+        decision=decision,
     )
 
 
 def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) -> Verification:
     """Touches of a bed, each judged with the parameters that were in the controller then."""
     if applied is not None:
-        after.model.holding(applied)  # refused: its own file says what is active
+        pairs = zip(before.model.machine.active, applied, strict=False)
+        held = [round(active + by, 9) for active, by in pairs]
+        after = replace(after, model=after.model.holding(held))  # refused where its file says it
     machine, later = before.model.machine, after.model.machine
     machine.check_same(later)
     stated = all(given.measured.source.excerpt is not None for given in (before, after))

@@ -131,8 +131,11 @@ def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     after = [*sound[:zero], "0", "0", "0", "--seed", "9", "--output", "after.csv"]
     of = [["sound.csv", *solve[2:]], ["after.csv", *solve[2:]]]
     first = machine, simulate, sound, after, solve, [*diagnose, "--json"], guide, ["solve", *of[0]]
-    pages = [*run(folder, *first, refused=("solve one.csv", 4)).values()]
-    solved, shown, page, entered = pages[4 : len(first)]
+    compare = ["verify", *of[0][:1], *of[1], "--applied", *map(str, OFFSETS), "--json"]
+    pages = [*run(folder, *first, compare, refused=("solve one.csv", 4)).values()]
+    solved, shown, page, entered, compared = pages[4 : len(first) + 1]
+    sizes = json.loads(compared)["parameters"].values()
+    assert [size["entered"] for size in sizes] == [*OFFSETS]
     assert "kind: tilt_table" in (folder / "mine.yaml").read_text(encoding="utf-8")
     assert "Do not enter these heights" in solved
     check(json.loads(shown), "misread", dict(zip("abc", OFFSETS, strict=True)))
