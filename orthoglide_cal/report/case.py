@@ -57,7 +57,7 @@ class Case:
 
     @property
     def source(self) -> Source:
-        """Where the data came from."""
+        """The file that the data came from."""
         return self.given.measured.source
 
     @property
@@ -222,7 +222,7 @@ def measure_again(given: Input) -> str:
 
 
 def data_words(source: Source | None, kind: str, count: int) -> str:
-    """How much of what.
+    """Number and kind of the data.
 
     >>> data_words(None, "six", 6), data_words(None, "session", 1)
     ('6 differences, max − min', '1 reading of a session')
@@ -234,12 +234,12 @@ def data_words(source: Source | None, kind: str, count: int) -> str:
 
 
 def input_words(given: Input) -> str:
-    """How much of what one measurement holds."""
+    """Number and kind of the data of one measurement."""
     return data_words(given.measured.source, given.measured.kind, len(given.measured))
 
 
 def origin(inputs: Sequence[Input]) -> Iterator[tuple[str, doc.Blank]]:
-    """Where one measurement comes from, or before and after: file, how much of what, digest."""
+    """Origin of one measurement, or of before and after: file, number and kind, digest."""
     names = ("Before", "After") if len(inputs) > 1 else ("Input",)
     for name, given in zip(names, inputs, strict=True):
         source = given.measured.source

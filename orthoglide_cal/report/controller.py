@@ -29,7 +29,7 @@ _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
 
 
 def exported(format: str, case: Case, identity: Identity) -> str:
-    """What goes into a controller: a page of text, or lines to paste; with what those leave out.
+    """Text for a controller: a page, or lines to paste; with what those leave out.
 
     Below title, origin and warnings, above what to do then; in lines to paste those are comments. A
     forced result is marked as such.

@@ -126,7 +126,7 @@ class ComparedDifference(Schema):
 
     @classmethod
     def of(cls, promised: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
-        """What was promised of it, and what was measured after, with its U and a limit [mm]."""
+        """The promise, and the value measured `after` with its U `u` and a `limit`, all in mm."""
         outcome = None
         if limit is not None:
             room = limit - abs(after)
@@ -444,7 +444,7 @@ def in_wrong_order(before: Input, after: Input) -> bool | None:
 def _entered(
     before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool
 ) -> tuple[Floats, Corrections]:
-    """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
+    """Values added to the offsets, (3,) [mm], and corrections of the controller from then on.
 
     The second may have been measured without knowing what had been entered: its machine file does.
     Where screws were `adjusted` and no file says that anything was entered, nothing was.
@@ -474,7 +474,7 @@ def _entered(
 
 
 def _more(before: Corrections, after: Corrections) -> Corrections:
-    """What was corrected besides what was before."""
+    """Corrections in addition to those before."""
     pairs = {id: (before.get(id, {}), after.get(id, {})) for id in {**before, **after}}
     return {
         id: {name: new.get(name, 0.0) - old.get(name, 0.0) for name in {**old, **new}}
@@ -497,7 +497,7 @@ class SharedContrasts(ReadOnly):
 
     @property
     def covariance(self) -> Floats:
-        """Of the change for unit variance of one reading, shape (k, k)."""
+        """Covariance of the change for unit variance of one reading, shape (k, k)."""
         return self.before.covariance() + self.after.covariance()
 
 

@@ -195,7 +195,7 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
 
 
 def _more(case: Case, verb: str) -> doc.Line:
-    """Where the rest stands."""
+    """The command that shows the rest."""
     return "More: ", doc.typed(case.typed(verb, "--details"))
 
 
@@ -219,7 +219,7 @@ def _details(case: Case) -> Iterator[doc.Section]:
 
 
 def evidence(case: Case) -> Iterator[doc.Section]:
-    """What the result rests on: diagnosis, residuals and uncertainty; nothing without one."""
+    """The evidence: diagnosis, residuals and uncertainty; nothing without a result."""
     answer = case.answer
     if not answer.parameters:
         return
@@ -479,7 +479,7 @@ def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | N
 
 
 def _by_ends(case: Case) -> bool:
-    """Whether the differences are of the tool end against the joint end."""
+    """True if the differences are of the tool end against the joint end."""
     return case.answer.check is not None and case.answer.check.ends
 
 
@@ -586,13 +586,13 @@ def _size(line: Contribution) -> str:
 
 
 def _sizes(case: Case) -> Iterator[str]:
-    """Where the causes are, and their parameters."""
+    """Places of the causes, and their parameters."""
     for cause in case.answer.causes:
         yield from cause_sizes(cause.id, cause.parameters, cause.where)
 
 
 def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator[str]:
-    """Where a cause is, and its parameters: those of several places each at its own."""
+    """Place of a cause, and its parameters: those of several places each at its own."""
     if sizes and not where:
         shown = sizes
         if len(sizes) > _MOST_SIZES:
@@ -676,7 +676,7 @@ def _open_grid(case: Case, most: int = _MOST_OPEN) -> doc.Grid:
 
 
 def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
-    """What to know about the causes, faults that would not show, and remarks.
+    """Notes on the causes, on faults that would not show, and on the data.
 
     `brief`: what one screen has room for, the least important last.
     """

@@ -1,6 +1,4 @@
-"""What was measured and what is left of it, as figures for a page and in characters; each cause
-drawn.
-"""
+"""Measured values and residuals, as figures for a page and in characters; each cause drawn."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -135,7 +133,7 @@ def differences_figure(
 
 
 def brief_residuals(case: Case) -> list[doc.Block]:
-    """What is left in characters; nothing where a screen has no room."""
+    """Residuals in characters; nothing where a screen has no room."""
     if case.answer.input.kind != DataKind.READINGS:
         return [readings_table(case)]
     if _on_bed(case):
@@ -268,7 +266,7 @@ def series_of(row: Residual) -> Series:
 
 
 def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
-    """What a pattern of that number describes, over what it depends on."""
+    """The effect of the pattern with this number, over what it depends on."""
     rows = case.answer.residuals
     effect = np.array([row.pattern_mm[number] for row in rows])
     reach = np.array([row.pattern_expanded_mm[number] for row in rows])
@@ -391,7 +389,7 @@ def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
 
 
 def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
-    """How the machine differs by a cause of such sizes; None where no drawing shows it."""
+    """The machine with a cause of such sizes, drawn; None where no drawing shows it."""
     drawn = [size for size in seen_parameters(sizes) if {*size.name} <= {*AXES, "_"}]
     if moves_rails(id):
         shims = case.answer.shims

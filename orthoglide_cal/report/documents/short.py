@@ -169,7 +169,7 @@ def application_document(application: Application, live: bool) -> doc.Document:
 
 
 def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
-    """What the controller corrects of each cause, and what it does not."""
+    """Sizes of each cause that the controller corrects, and those that it does not."""
     why = {
         "": "corrected",
         "no_place": "the controller has no place for it",
