@@ -46,15 +46,16 @@ def command(verb: str, *paths: str, options: str = "", **named: object) -> str:
         verb: of the program, e.g. "solve".
         paths: of its input files, as the user gave them.
         options: further ones, as they are typed.
-        named: options with a file or numbers, as the user gave them, e.g. `machine`; None for none.
+        named: options with a file or numbers, as the user gave them, or a flag; None, False: none.
 
-    >>> command("diagnose", "my data.csv", options="--accept axis_gap")
-    "orthocal diagnose 'my data.csv' --accept axis_gap"
+    >>> command("diagnose", "my data.csv", options="--accept axis_gap", together=True)
+    "orthocal diagnose 'my data.csv' --together --accept axis_gap"
     """
-    given = (f"--{name} {_typed(value)}" for name, value in named.items() if value is not None)
-    return " ".join(
-        ("orthocal", verb, *map(_typed, paths), *given, *([options] if options else []))
-    )
+    given = list[str]()
+    for name, value in named.items():
+        if value is not None and value is not False:
+            given.append(f"--{name}" if value is True else f"--{name} {_typed(value)}")
+    return " ".join(("orthocal", verb, *map(_typed, paths), *given, *filter(None, [options])))
 
 
 def _typed(value: object) -> str:

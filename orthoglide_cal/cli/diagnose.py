@@ -64,7 +64,7 @@ def diagnose(
     if accept is not None and accept not in CAUSES:
         raise UsageError(f"There is no cause {accept!r}.", f"Choose one of {', '.join(CAUSES)}.")
     full = details or json
-    asked = command("", options="--recalibrated" * recalibrated, holdout=holdout, applied=applied)
+    options = {"holdout": holdout, "applied": applied, "recalibrated": recalibrated}
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
@@ -76,7 +76,10 @@ def diagnose(
         if holdout and later:
             require_distinct([*dates, later])
             if in_wrong_order(given, later):
-                right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
+                right = command(
+                    "diagnose", holdout, machine=machine, holdout=path, applied=applied,
+                    recalibrated=recalibrated,
+                )  # fmt: skip
                 raise wrong_order(later, given, right)
         # Without a diagnosis the answer is that of solve.
         diagnosed, needless = None, () if later or accept else (UnusableResultError,)
@@ -91,9 +94,8 @@ def diagnose(
                 recalibrated=recalibrated,
             )
         case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
-        if together and diagnosed:
-            case = replace(case, answer=with_dates(case.answer, diagnosed, dates))
-        case = replace(case, asked=asked.removeprefix("orthocal").strip())
+        dated = with_dates(case.answer, diagnosed, dates) if together and diagnosed else case.answer
+        case = replace(case, answer=dated, options=options)
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code

@@ -3,7 +3,7 @@ next steps, and the facts about machine, gauges and circumstances, in the words 
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import zip_longest
 
@@ -53,11 +53,11 @@ class Case:
 
     given: Input
     answer: Answer
-    asked: str = ""  # what else diagnose was told, as it is typed
+    options: Mapping[str, object] = field(default_factory=dict)  # further ones of diagnose
 
     @property
     def source(self) -> Source:
-        """Where the data came from."""
+        """The file that the data came from."""
         return self.given.measured.source
 
     @property
@@ -110,14 +110,15 @@ class Case:
         if verb == "diagnose" and self.source.earlier:
             paths = [*self.source.earlier, *paths]
             given.append("--together")
-        given += [self.asked] * (verb == "diagnose" and bool(self.asked))
         if self.method is not None and verb in _TAKING_METHODS:
             given.append(f"--method {self.method}")
         given += filter(None, options)
         if verb in _DIAGNOSING:
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         paths += filter(None, [other])
-        return command(verb, *paths, machine=self.given.machine_file, options=" ".join(given))
+        named = self.options if verb == "diagnose" else {}
+        machine = self.given.machine_file
+        return command(verb, *paths, machine=machine, options=" ".join(given), **named)
 
     def remedies(self, *wanted: str) -> Iterator[doc.Line]:
         """Steps instead of entering the parameters, and about causes; with options only these."""
@@ -221,7 +222,7 @@ def measure_again(given: Input) -> str:
 
 
 def data_words(source: Source | None, kind: str, count: int) -> str:
-    """How much of what.
+    """Number and kind of the data.
 
     >>> data_words(None, "six", 6), data_words(None, "session", 1)
     ('6 differences, max − min', '1 reading of a session')
@@ -233,12 +234,12 @@ def data_words(source: Source | None, kind: str, count: int) -> str:
 
 
 def input_words(given: Input) -> str:
-    """How much of what one measurement holds."""
+    """Number and kind of the data of one measurement."""
     return data_words(given.measured.source, given.measured.kind, len(given.measured))
 
 
 def origin(inputs: Sequence[Input]) -> Iterator[tuple[str, doc.Blank]]:
-    """Where one measurement comes from, or before and after: file, how much of what, digest."""
+    """Origin of one measurement, or of before and after: file, number and kind, digest."""
     names = ("Before", "After") if len(inputs) > 1 else ("Input",)
     for name, given in zip(names, inputs, strict=True):
         source = given.measured.source

@@ -23,13 +23,13 @@ from orthoglide_cal.report.case import Case, check_words
 from orthoglide_cal.report.sentences import FIRMWARES
 from orthoglide_cal.results import Identity
 from orthoglide_cal.schema import Reason
-from orthoglide_cal.words import coverage_words, plain, two_figures, typed
+from orthoglide_cal.words import coverage_words, plain, two_figures, typed, uncapitalized
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
 
 
 def exported(format: str, case: Case, identity: Identity) -> str:
-    """What goes into a controller: a page of text, or lines to paste; with what those leave out.
+    """Text for a controller: a page, or lines to paste; with what those leave out.
 
     Below title, origin and warnings, above what to do then; in lines to paste those are comments. A
     forced result is marked as such.
@@ -54,7 +54,7 @@ def exported(format: str, case: Case, identity: Identity) -> str:
         *"\n".join(notes).split("\n"),
     ]
     after = [
-        f"After entering: {words.restart[0].lower()}{words.restart[1:]}",
+        f"After entering: {uncapitalized(words.restart)}",
         check_words(answer.check) if answer.check else "",
         f"Record what was entered: {case.record}" if case.record else "",
         f"Correct the remaining errors with a table: {case.table}" if case.table else "",

@@ -1,4 +1,4 @@
-"""HTML and SVG: made with `tag`, `in_html` and `join` only, which escape all but their own."""
+"""HTML and SVG: made with `tag`, `in_html` and `join`, which escape all but their own."""
 
 from collections.abc import Iterable
 from html import escape
@@ -7,7 +7,7 @@ from orthoglide_cal.errors import visible
 
 
 class Html(str):
-    """Markup; made by `tag`, `in_html` and `join` only."""
+    """Markup; made by `tag`, `in_html` and `join`, or of constants; never of text from outside."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""What figures are made of; maps of errors and residuals, and the machine.
+"""Parts of figures; maps of errors and residuals, and the machine.
 
 Drawing functions take plain values and return pictures; every number that a picture writes, but
 those of its axes, is one that it was given.
@@ -431,7 +431,7 @@ _PART = 40.0  # height of the picture of one parameter
 
 
 def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
-    """Where an axis, a bar or a carriage should be (dashed) and where it is, enlarged.
+    """Place of an axis, a bar or a carriage as it should be (dashed) and as it is, enlarged.
 
     Args:
         name: of the cause.
@@ -452,7 +452,7 @@ def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
 
 
 def place_words(name: str) -> str:
-    """Where the parameter of a cause is: "y_x" is "leg x, direction y"."""
+    """Place of a parameter of a cause: "y_x" is "leg x, direction y"."""
     direction, _, leg = name.partition("_")
     return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
 

@@ -69,7 +69,7 @@ def where_words(machine: Machine, pattern: FoundPattern) -> str:
 
 
 def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
-    """What deviates, how, and by how much."""
+    """A pattern in words: the gauges that deviate, how, and by how much."""
     subject = where_words(machine, pattern)
     single = len(pattern.where) == (2 if machine.vocabulary.measure else 0)
     verb = _PATTERNS[pattern.how]["verb"].format(s="s" * single)
@@ -97,7 +97,7 @@ def label_words(label: str) -> str:
 
 
 def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
-    """What to do about it."""
+    """Remedy of a pattern."""
     known = {size.name: size.value for size in pattern.parameters}
     rest = math.ceil(RESTING * known.get("time_constant", 0.0))
     text = _PATTERNS[pattern.how]["remedy"]
@@ -113,7 +113,7 @@ def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
 
 
 def _doubt(doubt: Reason, part: str) -> str:
-    """Why readings are doubted, or what to do."""
+    """The part "why" or "remedy" of a doubt about readings."""
     return _Formatter(None).vformat(_DOUBTS[doubt.code][part], (), doubt.data)
 
 

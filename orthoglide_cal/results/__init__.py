@@ -1,4 +1,4 @@
-"""What a technician is told: may the offsets be entered, which, how sure, what is left."""
+"""Results for a technician: may the offsets be entered, which, how sure, what is left?"""
 
 from orthoglide_cal.inference import Parameter
 from orthoglide_cal.results.answer import RETAKE, Answer, CheckReading, Release, Remedy

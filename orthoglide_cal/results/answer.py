@@ -46,7 +46,7 @@ class InputFile(Schema):
 
     @classmethod
     def of(cls, given: Input, **more: object) -> Self:
-        """Of an input; `more` are other values, and those of further fields."""
+        """The file of an input; `more` are other values, and those of further fields."""
         measured, source = given.measured, given.measured.source
         known = {"path": source.path, "sha256": source.sha256, "kind": measured.kind}
         data = source.excerpt.data if source.excerpt else None

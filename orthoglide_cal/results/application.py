@@ -1,4 +1,4 @@
-"""What was entered in the controller, recorded in the machine file; and taken back."""
+"""Values entered in the controller: recorded in the machine file, and taken back."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -160,8 +160,9 @@ def apply(
         written, data = controller.changed(model, changes, _added_to({}, made), digits)
     entry = entry.changed(written=written)
     then = with_history(file, entry.after, entry.corrected, *history, entry)
-    parts = given, controller, written, data, corrections, tuple(remarks)
-    return Application(file, entry, then, False, *parts)
+    return Application(
+        file, entry, then, False, given, controller, written, data, corrections, tuple(remarks)
+    )
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:
@@ -175,7 +176,7 @@ def check_measured(given: Input, file: StoredMachine | None = None) -> None:
 
 
 def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> Iterator[Correction]:
-    """What is known to be wrong with the joints, or was named, and what may be done about it."""
+    """Faults of the joints, accepted or named, and whether the controller's file corrects them."""
     machine = model.machine
     known = [(effect.cause, size) for effect in model.remaining() for size in model.called(effect)]
     if answer.verdict is Verdict.NAMED:
@@ -230,9 +231,9 @@ def unwritten(file: StoredMachine) -> str | None:
 
 
 def _last_written(file: StoredMachine) -> Written | None:
-    """What the last entry wrote to a controller's file; None for nothing."""
-    *_, written = None, *(entry.written for entry in file.model.machine.history)
-    return written
+    """Lines that the last entry wrote to a controller's file; None for none."""
+    history = file.model.machine.history
+    return history[-1].written if history else None
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:

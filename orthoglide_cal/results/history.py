@@ -194,7 +194,7 @@ class _Session:
         }
 
     def scale_of(self, standing: Ids) -> float:
-        """How many times their usual size these causes have, by the likeliest explanation."""
+        """Ratio of the size of these causes to their usual one, by the likeliest explanation."""
         shares = self.by_lasting[standing]
         return self.belief.hypotheses[max(shares, key=shares.__getitem__)].scale
 
@@ -542,7 +542,7 @@ def _one_machine(models: Sequence[Model]) -> list[Reason]:
 
 
 def _entered(inputs: Sequence[Input]) -> Iterator[Reason]:
-    """What was entered, or is corrected otherwise, from one session to the next."""
+    """Values entered, or corrected otherwise, from one session to the next."""
     for before, after in pairwise(inputs):
         old, new = before.model.machine, after.model.machine
         paths = {"before": before.measured.source.path, "after": after.measured.source.path}

@@ -281,8 +281,8 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
         return False
     budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
-    widened = budget.k / NORMAL_K
-    return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
+    scale = budget.k / NORMAL_K
+    return chance_of_residual(apart, len(change), scale) >= 1.0 - CONFIDENCE
 
 
 def _with_others(
@@ -457,25 +457,25 @@ def release(
         if judged.reasons:
             reasons, remedies = (*reasons, *judged.reasons), (*remedies, *judged.remedies)
         return Release(reasons=reasons, remedies=remedies, sound=False)
-    remedies, beside = judged.remedies, diagnosis.baselines
-    if beside and beside.better and diagnosis.causes:
+    remedies, baselines = judged.remedies, diagnosis.baselines
+    if baselines and baselines.better and diagnosis.causes:
         # What needs no cause predicts better.
-        code, mm = "keep_mesh", beside.earlier_map_mm
-        if beside.better == "quartic":
-            code, mm = "make_mesh", beside.quartic_mm
-        remedies = (Remedy.of(code, mm=mm, extension_mm=beside.extension_mm), *remedies)
+        code, mm = "keep_mesh", baselines.earlier_map_mm
+        if baselines.better == "quartic":
+            code, mm = "make_mesh", baselines.quartic_mm
+        remedies = (Remedy.of(code, mm=mm, extension_mm=baselines.extension_mm), *remedies)
     more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
     return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)
 
 
 def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
     """Cautions about offsets that are released."""
-    rough = diagnosis.left_open[0][1].scale_factor
+    factor = diagnosis.left_open[0][1].scale_factor
     judged = judgement_of(*_left_over(solution, diagnosis))
     suspicious = judged.code == "residuals_too_large"
     # As stated, not as widened by the diagnosis to cover what is left.
-    if rough > 1.0 and solution.judgement.code == "residuals_too_large":
-        yield Reason.of("local_shape", factor=rough)
+    if factor > 1.0 and solution.judgement.code == "residuals_too_large":
+        yield Reason.of("local_shape", factor=factor)
     elif not solution.dof or (suspicious and diagnosis.verdict is Verdict.CONSISTENT):
         # Without spare readings nothing can contradict or support the offsets. What a named
         # cause explains does not.
@@ -550,9 +550,9 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
         for cause in diagnosis.causes
         if cause.where and not cause.in_machine and cause.id not in sure
     ]
-    beside, shape = diagnosis.baselines, diagnosis.model.machine.shape
-    worth = beside and not beside.better and beside.extension_mm < beside.parameters_mm
-    if worth and shape in (*ids, *diagnosis.ambiguous_with):
+    baselines, shape = diagnosis.baselines, diagnosis.model.machine.shape
+    best = baselines and not baselines.better and baselines.extension_mm < baselines.parameters_mm
+    if best and shape in (*ids, *diagnosis.ambiguous_with):
         # What lasts may be carried, whatever its cause.
         remedies.append(Remedy.of("accept_shape", "diagnose", f"--accept {shape}"))
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))
@@ -561,8 +561,8 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
 def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy:
     """The measurement that would decide what is open, or that none would."""
     if following is not None and following.between:
-        own = following.session
-        return Remedy.of("decides", "measure", THEN if own is None else own, best=following)
+        session = THEN if following.session is None else following.session
+        return Remedy.of("decides", "measure", session, best=following)
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
     doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
@@ -598,18 +598,18 @@ def _named(
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     remedies = []
     # A slip in the record is looked for sooner than a machine is taken apart.
-    for found in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
-        cause = CAUSES[found.id]
-        remedy = Remedy.of("do", what=found.remedy)
-        if found.recommended:
-            remedy = Remedy.of("accept", "diagnose", f"--accept {found.id}", id=found.id)
+    for finding in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
+        cause = CAUSES[finding.id]
+        remedy = Remedy.of("do", what=finding.remedy)
+        if finding.recommended:
+            remedy = Remedy.of("accept", "diagnose", f"--accept {finding.id}", id=finding.id)
         remedies.append(remedy)
         if cause.by_joint and machine.adds_to_joints:
-            let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=found.id)
+            let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=finding.id)
             remedies.append(let)
-        beyond = any(abs(size.value) > size.expanded for size in found.parameters)
+        beyond = any(abs(size.value) > size.expanded for size in finding.parameters)
         if cause.adjustable and beyond:
-            remedies.append(Remedy.of("adjust", "adjust", f"--cause {found.id}"))
+            remedies.append(Remedy.of("adjust", "adjust", f"--cause {finding.id}"))
     if np.all(shift <= NORMAL_K * diagnosis.std_mm):
         caution = Reason.of("within_u", ids=ids, **size)
     elif all(id in corrects for id in ids):

@@ -126,7 +126,7 @@ class ComparedDifference(Schema):
 
     @classmethod
     def of(cls, promised: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
-        """What was promised of it, and what was measured after, with its U and a limit [mm]."""
+        """The promise, and the value measured `after` with its U `u` and a `limit`, all in mm."""
         outcome = None
         if limit is not None:
             room = limit - abs(after)
@@ -280,10 +280,13 @@ def verify(
     u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
     pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
     rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
-    was, will_be, sure = np.array(
-        [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
-    ).T
+    columns = [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
+    was, will_be, sure = np.array(columns).T
     apart, both = rms(left - will_be), rms(np.hypot(sure, u))
+    outcomes, decision = [row.outcome for row in rows if row.outcome], None
+    if limit_mm is not None:
+        worst = min(outcomes, key=[*Outcome].index)
+        decision = Conformity(outcome=worst, limit_mm=limit_mm)
     # Only an opposite sign can come of the wrong order.
     unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
     return Verification(
@@ -301,19 +304,16 @@ def verify(
         corrected=corrected,
         differences=rows,
         **response,
-        decision=None
-        if limit_mm is None
-        else Conformity(
-            outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
-            limit_mm=limit_mm,
-        ),
+        decision=decision,
     )
 
 
 def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) -> Verification:
     """Touches of a bed, each judged with the parameters that were in the controller then."""
     if applied is not None:
-        after.model.holding(applied)  # refused: its own file says what is active
+        pairs = zip(before.model.machine.active, applied, strict=False)
+        held = [round(active + by, 9) for active, by in pairs]
+        after = replace(after, model=after.model.holding(held))  # refused where its file says it
     machine, later = before.model.machine, after.model.machine
     machine.check_same(later)
     stated = all(given.measured.source.excerpt is not None for given in (before, after))
@@ -444,7 +444,7 @@ def in_wrong_order(before: Input, after: Input) -> bool | None:
 def _entered(
     before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool
 ) -> tuple[Floats, Corrections]:
-    """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
+    """Values added to the offsets, (3,) [mm], and corrections of the controller from then on.
 
     The second may have been measured without knowing what had been entered: its machine file does.
     Where screws were `adjusted` and no file says that anything was entered, nothing was.
@@ -474,7 +474,7 @@ def _entered(
 
 
 def _more(before: Corrections, after: Corrections) -> Corrections:
-    """What was corrected besides what was before."""
+    """Corrections in addition to those before."""
     pairs = {id: (before.get(id, {}), after.get(id, {})) for id in {**before, **after}}
     return {
         id: {name: new.get(name, 0.0) - old.get(name, 0.0) for name in {**old, **new}}
@@ -497,7 +497,7 @@ class SharedContrasts(ReadOnly):
 
     @property
     def covariance(self) -> Floats:
-        """Of the change for unit variance of one reading, shape (k, k)."""
+        """Covariance of the change for unit variance of one reading, shape (k, k)."""
         return self.before.covariance() + self.after.covariance()
 
 
@@ -541,12 +541,12 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
 
 def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    found = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
-    every = joined(*found).at_once()
+    as_found = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
+    every = joined(*as_found).at_once()
     _, cell = np.unique(every.repeats, return_inverse=True)
     design = (cell[:, None] == np.unique(cell)).astype(np.float64)
-    later = np.arange(len(every)) >= len(found[0])
-    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in found))))
+    later = np.arange(len(every)) >= len(as_found[0])
+    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in as_found))))
     seen = unexplained(unknown, later[:, None] * design)
     information, axes = np.linalg.eigh(seen.T @ seen)
     kept = information > NO_INFORMATION

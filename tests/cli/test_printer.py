@@ -426,7 +426,10 @@ def test_other_data_that_contradict_hold_the_release() -> None:
 
 def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:
     """What --data chooses is of the printer.cfg; the other file has nothing to choose."""
-    held = found("diagnose", "printer.cfg", "--data", "mesh", "--holdout", "later.csv")
+    typed = "diagnose", "printer.cfg", "--data", "mesh", "--holdout", "later.csv"
+    held, shown = found(*typed), words(run(*typed, "--recalibrated").stdout)
+    again = "diagnose printer.cfg --holdout later.csv --recalibrated --data mesh --details"
+    assert shown.endswith(f"More: orthocal {again}")
     for name, date in (("printer.cfg", "2026-03-02.cfg"), ("later.csv", "2026-03-01.csv")):
         Path(date).write_bytes(Path(name).read_bytes())
     said = refused(2, "diagnose", "2026-03-02.cfg", "--holdout", "2026-03-01.csv")

@@ -131,8 +131,11 @@ def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     after = [*sound[:zero], "0", "0", "0", "--seed", "9", "--output", "after.csv"]
     of = [["sound.csv", *solve[2:]], ["after.csv", *solve[2:]]]
     first = machine, simulate, sound, after, solve, [*diagnose, "--json"], guide, ["solve", *of[0]]
-    pages = [*run(folder, *first, refused=("solve one.csv", 4)).values()]
-    solved, shown, page, entered = pages[4 : len(first)]
+    compare = ["verify", *of[0][:1], *of[1], "--applied", *map(str, OFFSETS), "--json"]
+    pages = [*run(folder, *first, compare, refused=("solve one.csv", 4)).values()]
+    solved, shown, page, entered, compared = pages[4 : len(first) + 1]
+    sizes = json.loads(compared)["parameters"].values()
+    assert [size["entered"] for size in sizes] == [*OFFSETS]
     assert "kind: tilt_table" in (folder / "mine.yaml").read_text(encoding="utf-8")
     assert "Do not enter these heights" in solved
     check(json.loads(shown), "misread", dict(zip("abc", OFFSETS, strict=True)))
@@ -152,7 +155,8 @@ def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     assert entry["after"]["b"] == pytest.approx(9.3, abs=0.05)
 
 
-@pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md))`", PAGE))
+@pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md)|[a-z]\w*/[\w/]+)`", PAGE))
 def test_every_file_that_is_named_exists(path: str) -> None:
     if not re.search("ID|KIND", path):
-        assert (SOURCE / path).is_file() or (ROOT / path).is_file()
+        name = path if "." in path else f"{path}.py"
+        assert (SOURCE / name).is_file() or (ROOT / name).is_file()

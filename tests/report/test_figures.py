@@ -22,7 +22,7 @@ def marks(picture: str) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x, y in found]
 
 
-def test_residual_panels_one_scale_and_named_worst():
+def test_residual_panels_have_one_scale_and_hold_every_value():
     left = np.array([1.0, -2.0, 3.0, -4.0, 10.0, 0.0, 0.0, 40.0]) * 1e-3
     where = ("min", -100.0, 1), ("iso", 0.0, 1), ("max", 60.0, 1), ("iso", 0.0, 2)
     rows = [

@@ -129,7 +129,7 @@ def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> 
     case = case_of(read_input(str(path), stored=data))
     document = report_of(case)
     assert missing(document, drawn(case)) == []
-    assert "Repeats alone" not in repr(document)  # no place was touched twice
+    assert "Repeats alone" not in repr(document.page())  # no place was touched twice
 
 
 @pytest.mark.parametrize(

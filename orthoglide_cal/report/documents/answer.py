@@ -132,9 +132,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
     if "gauge_doubt" in release.codes:
         notes = []  # it says the same
-    numbers: list[doc.Block | None] = [_deviations(case), _residual_words(case)]
-    if release.settled:
-        numbers = []
+    numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
     words = []
     if answer.deviations and not release.settled:
         words.append(comparison_words(_by_ends(case))[1])
@@ -179,20 +177,17 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
         again.append("Then solve again, and enter only what it releases.")
     notes = [*_notes(case, brief=True)]
     known = (e for e in answer.parameters if e.determined)
-    found = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
+    sizes = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
     it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
     causes = f" with {it}" * bool(answer.named or answer.patterns)
-    parameters = f"{case.words.many.capitalize()}{causes}: {found}."
+    parameters = f"{case.words.many.capitalize()}{causes}: {sizes}."
     decisive: list[doc.Block] = [*_sizes(case), parameters, *open_blocks(case)]
-    left = [_rms_grid(case)]
+    left = [] if undecided and not answer.holdout else [_rms_grid(case)]
     less_likely = [*range(2, _MOST_OPEN)]
-    if undecided:
-        left *= bool(answer.holdout)
 
     def page() -> doc.Page:
-        if undecided:
-            decisive[:] = [_open_grid(case, 2 + len(less_likely))]
-        parts: list[Sequence[doc.Block]] = [decisive, left, *residuals]
+        answers = [_open_grid(case, 2 + len(less_likely))] if undecided else decisive
+        parts: list[Sequence[doc.Block]] = [answers, left, *residuals]
         last = doc.next_steps([*first, *others, *again], *notes, _more(case, "diagnose"))
         return replace(begun, sections=[*(doc.Section(None, *part) for part in parts), last])
 
@@ -200,7 +195,7 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
 
 
 def _more(case: Case, verb: str) -> doc.Line:
-    """Where the rest stands."""
+    """The command that shows the rest."""
     return "More: ", doc.typed(case.typed(verb, "--details"))
 
 
@@ -224,7 +219,7 @@ def _details(case: Case) -> Iterator[doc.Section]:
 
 
 def evidence(case: Case) -> Iterator[doc.Section]:
-    """What the result rests on: diagnosis, residuals and uncertainty; nothing without one."""
+    """The evidence: diagnosis, residuals and uncertainty; nothing without a result."""
     answer = case.answer
     if not answer.parameters:
         return
@@ -484,7 +479,7 @@ def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | N
 
 
 def _by_ends(case: Case) -> bool:
-    """Whether the differences are of the tool end against the joint end."""
+    """True if the differences are of the tool end against the joint end."""
     return case.answer.check is not None and case.answer.check.ends
 
 
@@ -499,9 +494,9 @@ def _deviations(case: Case) -> doc.Grid | None:
         rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
     digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
     after = "if entered" if refused else "expected after"
-    found, expected = (plain(mm, digits) for mm in (sizes.before_mm, sizes.after_mm))
+    measured, expected = (plain(mm, digits) for mm in (sizes.before_mm, sizes.after_mm))
     table = [
-        ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
+        ("measured", *(signed(row.measured_mm, digits) for row in rows), measured),
         (after, *(signed(row.expected_mm, digits) for row in rows), expected),
     ]
     if not refused:
@@ -591,13 +586,13 @@ def _size(line: Contribution) -> str:
 
 
 def _sizes(case: Case) -> Iterator[str]:
-    """Where the causes are, and their parameters."""
+    """Places of the causes, and their parameters."""
     for cause in case.answer.causes:
         yield from cause_sizes(cause.id, cause.parameters, cause.where)
 
 
 def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator[str]:
-    """Where a cause is, and its parameters: those of several places each at its own."""
+    """Place of a cause, and its parameters: those of several places each at its own."""
     if sizes and not where:
         shown = sizes
         if len(sizes) > _MOST_SIZES:
@@ -681,7 +676,7 @@ def _open_grid(case: Case, most: int = _MOST_OPEN) -> doc.Grid:
 
 
 def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
-    """What to know about the causes, faults that would not show, and remarks.
+    """Notes on the causes, on faults that would not show, and on the data.
 
     `brief`: what one screen has room for, the least important last.
     """

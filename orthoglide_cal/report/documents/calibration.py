@@ -172,7 +172,7 @@ def _causes(case: Case) -> list[doc.Section]:
 
 
 def _rivals(case: Case) -> Iterator[doc.Section]:
-    """What the readings cannot distinguish from the likeliest answer; its likeliest rival drawn."""
+    """Causes not distinguished from the likeliest answer; its likeliest rival is drawn."""
     words = {id: CAUSES[id].words(case.machine) for id in case.answer.ambiguous_with}
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
@@ -231,7 +231,7 @@ def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterat
 
 
 def _conditions(case: Case) -> doc.Section:
-    """How it was measured, and where the gauges stood; blank where not given."""
+    """Conditions of the measurement, and places of the gauges; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [

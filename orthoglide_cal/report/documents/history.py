@@ -20,6 +20,7 @@ from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.history import History
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
+    capitalized,
     counted,
     decimals_for,
     percent,
@@ -30,7 +31,7 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_TOLD = 3  # changes in words
+_MOST_CHANGES = 3  # in words
 _MONTH = 30.0  # days, for which a drift is stated
 _STORIES = {
     Trend.UNCHANGED: "no change",
@@ -91,11 +92,11 @@ def _page(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Pag
 
 def _notice(history: History) -> doc.Notice:
     """The verdict, its numbers, and what is open."""
-    title, lines = "", list[str]()
-    for change in history.changes[: -_TOLD - 1 : -1]:
+    lines = list[str]()
+    for change in history.changes[: -_MOST_CHANGES - 1 : -1]:
         when = f"{_label(history, change.at)} and {_label(history, change.at + 1)}"
         lines.append(f"Changed between {when}: {_sizes(change.parameters, ' by')}")
-    if (earlier := len(history.changes) - _TOLD) > 0:
+    if (earlier := len(history.changes) - _MOST_CHANGES) > 0:
         lines.append(f"{counted(earlier, 'earlier change')}, marked in the table")
     if history.drift and history.dated:
         lines.append(f"Drift in {_MONTH:g} days: {_sizes(_in_a_month(history))}")
@@ -112,7 +113,7 @@ def _notice(history: History) -> doc.Notice:
         lines.insert(0, "No adjustment is recorded in between.")
     if history.ambiguous_with:
         stories = " or ".join(_STORIES[trend] for trend in history.ambiguous_with)
-        lines.append(f"{stories[0].upper()}{stories[1:]} is also possible.")
+        lines.append(f"{capitalized(stories)} is also possible.")
     if limit := history.limit:
         code = "limit_reached" if limit.parameter else "no_drift_to_limit"
         code = "scatter_exceeds" if limit.scatter_exceeds else code

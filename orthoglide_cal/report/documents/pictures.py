@@ -1,6 +1,4 @@
-"""What was measured and what is left of it, as figures for a page and in characters; each cause
-drawn.
-"""
+"""Measured values and residuals, as figures for a page and in characters; each cause drawn."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -135,7 +133,7 @@ def differences_figure(
 
 
 def brief_residuals(case: Case) -> list[doc.Block]:
-    """What is left in characters; nothing where a screen has no room."""
+    """Residuals in characters; nothing where a screen has no room."""
     if case.answer.input.kind != DataKind.READINGS:
         return [readings_table(case)]
     if _on_bed(case):
@@ -209,10 +207,10 @@ def reading_panels(
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
     microns = {model: 1000.0 * values for model, values in left_mm.items()}
-    first, *_, last = [*microns.values()] * 2
+    models = [*microns.values()]
     middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
     low, high = middle - reach, middle + reach
-    ends = np.stack((*microns.values(), low, high))[:, [*chain(*panels.values())]]
+    ends = np.stack((*models, low, high))[:, [*chain(*panels.values())]]
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
@@ -245,12 +243,12 @@ def reading_panels(
                 parts.append(tag("polygon", points=points(edge), class_="band"))
                 parts.append(thread([(x[k], up(middle[k])) for k in ks]))
             elif not over:
-                parts.append(thread([(x[k], up(last[k])) for k in ks]))
-        for values in microns.values():
-            style = "mark" if values is last else "mark open"
+                parts.append(thread([(x[k], up(models[-1][k])) for k in ks]))
+        for values in models:
+            style = "mark" if values is models[-1] else "mark open"
             parts += (mark(x[k], up(values[k]), rows[k].cycle - 1, style) for k in numbers)
-        circled = (k for k in numbers if k in ringed)
-        parts += (tag("circle", cx=x[k], cy=up(first[k]), r=9.0, class_="fault") for k in circled)
+        circled = ((x[k], up(models[0][k])) for k in numbers if k in ringed)
+        parts += (tag("circle", cx=cx, cy=cy, r=9.0, class_="fault") for cx, cy in circled)
         lists = (
             f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
             for model, values in microns.items()
@@ -268,7 +266,7 @@ def series_of(row: Residual) -> Series:
 
 
 def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
-    """What a pattern of that number describes, over what it depends on."""
+    """The effect of the pattern with this number, over what it depends on."""
     rows = case.answer.residuals
     effect = np.array([row.pattern_mm[number] for row in rows])
     reach = np.array([row.pattern_expanded_mm[number] for row in rows])
@@ -391,7 +389,7 @@ def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
 
 
 def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
-    """How the machine differs by a cause of such sizes; None where no drawing shows it."""
+    """The machine with a cause of such sizes, drawn; None where no drawing shows it."""
     drawn = [size for size in seen_parameters(sizes) if {*size.name} <= {*AXES, "_"}]
     if moves_rails(id):
         shims = case.answer.shims

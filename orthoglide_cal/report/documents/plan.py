@@ -224,7 +224,7 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
-    """What more readings do not reduce, what these do not show, and a shorter way."""
+    """The part of U that more readings leave, causes that do not show, and a shorter way."""
     floor, sigma = plan.floor, plan.chosen.rivals_sigma
     stays = 0.0 if floor is None else float(np.max(floor.std_mm / plan.chosen.budget.std_mm))
     more = "readings" if plan.gauges is None else "cycles"

@@ -62,7 +62,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
         name, _, unit = key.rpartition("_")
         unit = f", {unit}" if unit in ("mm", "deg") else ""
         words = f"{group}{name if unit else key}".replace("_", " ")
-        yield words[0].upper() + words[1:] + unit, doc.given(_written(value))
+        yield words.capitalize() + unit, doc.given(_written(value))
 
 
 def _written(value: object) -> str:
@@ -169,7 +169,7 @@ def application_document(application: Application, live: bool) -> doc.Document:
 
 
 def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
-    """What the controller corrects of each cause, and what it does not."""
+    """Sizes of each cause that the controller corrects, and those that it does not."""
     why = {
         "": "corrected",
         "no_place": "the controller has no place for it",

@@ -171,8 +171,9 @@ def verification_steps(result: Verification, *, brief: bool = False) -> Iterator
     outcome = result.decision and result.decision.outcome
     if not result.kept:
         if any(reason.code == "order_as_given" for reason in result.reservations):
-            typed = command("report", after, machine=machine_file, after=before)
-            typed = command("verify", after, before, machine=machine_file) if brief else typed
+            typed = command("verify", after, before, machine=machine_file)
+            if not brief:
+                typed = command("report", after, machine=machine_file, after=before)
             yield doc.step(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", after, machine=machine_file)
@@ -198,7 +199,7 @@ def verification_steps(result: Verification, *, brief: bool = False) -> Iterator
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
-    """How the machine responded, in one sentence."""
+    """Response of the machine, in one sentence."""
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
     known = any(row.entered for row in result.parameters.values())
@@ -273,7 +274,7 @@ def _known(value: float | None, expanded: float) -> str | None:
 
 
 def decision_rule(result: Verification) -> doc.Marked | None:
-    """By which rule a limit is judged; None where none was given."""
+    """The rule by which a limit is judged; None where none was given."""
     made = result.decision
     return doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
 
