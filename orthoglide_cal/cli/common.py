@@ -341,6 +341,7 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
     return file
 
 
+@functools.cache
 def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware; None if not given."""
     from orthoglide_cal.files.input import printer_settings
@@ -370,7 +371,7 @@ def usual_machine(machine_file: Path | None = None) -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, chosen_machine, usual_machine):
+    for read in (read_machine_file, chosen_machine, known_machine, usual_machine):
         read.cache_clear()
 
 

@@ -39,9 +39,9 @@ from orthoglide_cal.model.readings import Posture
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
 MAX_ITERATIONS = 100
-# An undamped step shorter than this ends the iteration [standard deviations]: where it can be had,
-# no digit that is shown depends on where a search began.
-SHORT_STEP = 1e-7
+# An undamped step shorter than this is the last one [standard deviations]: over it the model is as
+# good as linear, so that no digit that is shown depends on where a search began.
+SHORT_STEP = 1e-5
 # Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
@@ -170,7 +170,7 @@ class LeastSquaresFit(ReadOnly):
 
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
-    remaining: Floats  # as of `Problem.remaining`, (...)
+    remaining: Floats  # as of `Problem.remaining`, before the last short step, (...)
     iterations: Ints  # steps tried, (...)
 
     @property
@@ -188,10 +188,11 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     number of the fit.
     """
     batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
-    model, slope = problem.at_zero
-    count, width = len(flat), slope.shape[-1]
-    first = np.zeros(width) if start is None else start.reshape(-1, width)
-    if start is not None:
+    count, width = len(flat), len(problem.model.machine.parameter_names)
+    first = np.zeros((1, width)) if start is None else start.reshape(-1, width)
+    if start is None:
+        model, slope = problem.at_zero
+    else:
         model, slope = problem.predict_with_jacobian(first, strict=False)
     offsets = np.broadcast_to(first, (count, width)).copy()
     jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
@@ -223,6 +224,9 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         less = damping[which] / 10.0
         damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
         iterations[which] += 1
+    last = np.where(left <= SHORT_STEP, step.T, 0.0).T
+    offsets += last
+    residual -= (jacobian @ last[..., None])[..., 0]
     return LeastSquaresFit(
         offsets.reshape(*batch, width),
         residual.reshape(data.shape),

@@ -26,7 +26,6 @@ from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import (
     OPTIMAL,
-    LeastSquaresFit,
     Method,
     Problem,
     choose_method,
@@ -195,7 +194,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
 
 
 def fit_parameters(
-    measured: Measured, model: Model, method: str | None = None, start: Floats | None = None
+    measured: Measured, model: Model, method: str | None = None, offsets: Floats | None = None
 ) -> Solution:
     """Fit the joint offsets, whatever their size.
 
@@ -205,8 +204,8 @@ def fit_parameters(
     Args:
         measured, model: the data, and what they are of.
         method: name of an estimator; the default for this kind of data if None.
-        start: where its search begins, such as at the best fit of readings without those weights,
-            shape (3,) [mm]; at zero if None.
+        offsets: those that fit all readings best without those weights, shape (3,) [mm]; they are
+            searched for if None.
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
@@ -223,9 +222,8 @@ def fit_parameters(
         shifted, estimator = data - predicted, chosen.estimator(problem)
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
-    else:
-        fit = _search(problem, data, start)
-        offsets = fit.offsets_mm
+    elif offsets is None:
+        offsets = _search(problem, data)
     plan, gauge = problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
@@ -242,11 +240,10 @@ def fit_parameters(
     if chosen is Method.READINGS and _possible(offsets, model):
         problem = problem.weighted(problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         data = problem.matrix @ measured.value
-        fit = _search(problem, data, start=offsets)
-        offsets = fit.offsets_mm
+        offsets = _search(problem, data, offsets)
     readings, jacobian = simulate_at(model, offsets, plan)
     if not chosen.linear:
-        residuals = fit.residuals_mm
+        residuals = data - problem.matrix @ readings
         estimator = np.asarray(np.linalg.pinv(problem.matrix @ jacobian), np.float64)
     # Noise of one reading is what no offsets explain, of raw data in all readings, whatever the
     # method; what a cause of the machine would explain is none.
@@ -293,8 +290,8 @@ def require_settings(measured: Measured) -> None:
         raise UnusableResultError(excerpt.unknown, remedy)
 
 
-def _search(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
-    """The offsets of one data set by least squares. Raises UnusableResultError."""
+def _search(problem: Problem, data: Floats, start: Floats | None = None) -> Floats:
+    """The offsets of one data set by least squares, (3,). Raises UnusableResultError."""
     fit = fit_offsets(problem, data, start)
     if not fit.converged:
         require_determined(problem)
@@ -305,7 +302,7 @@ def _search(problem: Problem, data: Floats, start: Floats | None = None) -> Leas
             f" {int(fit.iterations)} iterations).",
             "Check the machine file and the readings; validate names every fault.",
         )
-    return fit
+    return fit.offsets_mm
 
 
 class PromisedDifference(Schema):

@@ -33,7 +33,7 @@ from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.methods import LeastSquaresFit, pose_plan
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
-from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
+from orthoglide_cal.model.contrasts import Contrasts, Reduction
 from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate_absent
@@ -167,11 +167,11 @@ class Whitened(ReadOnly):
     def of_plan(cls, plan: Plan, model: Model, timed: bool = True) -> Whitened:
         """Readings that are taken to a plan, all of them zero; on a known clock or not."""
         # Zero-free contrasts are orthonormal.
-        matrix, texture = zero_free(plan), None
+        problem, texture = pose_plan(plan, model, DataKind.READINGS), None
         local = model.machine.local_shape(plan)
         if local is not None:
-            texture = Texture.of(matrix @ local.columns, local.rest, local.assumed)
-        problem, zero = Problem(model, plan, matrix), np.zeros(len(matrix))
+            texture = Texture.of(problem.matrix @ local.columns, local.rest, local.assumed)
+        zero = np.zeros(len(problem.matrix))
         white = cls(problem, zero, None, True, np.arange(len(plan)), texture=texture)
         # Rates of change as plausible as before, on a clock that was only assumed.
         rates = (cause for cause in CAUSES.values() if cause.unit == PER_HOUR)

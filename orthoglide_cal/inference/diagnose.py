@@ -97,7 +97,10 @@ class Diagnosis(Decision):
     @cached_property
     def alone(self) -> Solution:
         """The calibrated parameters alone."""
-        return fit_parameters(self.measured, self.model, start=self.at.offsets[0])
+        # Found already, but for data that are weighed otherwise there.
+        known = self.white.raw and self.white.texture is None
+        best = self.at.offsets[0] if known else None
+        return fit_parameters(self.measured, self.model, offsets=best)
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
@@ -720,6 +723,8 @@ def diagnose(
         changes = MappingProxyType(
             {name: Otherwise(verdict=one.verdict, ids=one.accepted) for name, one in scaled.items()}
         )
+    if not (held_out or changes or remarks):
+        return diagnosis  # with all that was worked out of it
     return replace(
         diagnosis,
         held_out=held_out,

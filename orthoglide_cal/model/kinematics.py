@@ -102,7 +102,7 @@ class RealMachine:
     # What moves the carriages away from where the offsets alone put them, in order: joints
     # (..., n, 3) and a `command` → joints [mm].
     motions: tuple[Callable[..., Numbers], ...]
-    still: bool  # only rails and legs are wrong: the offsets alone move the carriages
+    still: bool  # none of them does: the offsets alone move the carriages
 
     def joints(self, command: Command, offsets: Numbers) -> Numbers:
         """Where the carriages really stand, shape (..., n, 3) [mm].

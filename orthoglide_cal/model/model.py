@@ -102,7 +102,7 @@ class Model:
         for effect in self.accepted:
             geometry = effect.cause.geometry(geometry, effect.theta)
         motions = tuple(partial(e.cause.motion, theta=e.theta) for e in self.accepted)
-        still = all(effect.cause.stage is Stage.GEOMETRY for effect in self.accepted)
+        still = all(effect.cause.stage is not Stage.MOTION for effect in self.accepted)
         return RealMachine(geometry, motions, still)
 
 
@@ -190,9 +190,17 @@ def differentiate_absent(
     At offsets Δρ (..., 3) [mm]: the derivatives by these, (..., n, 3), then those by the p
     parameters of each cause, (..., n, p).
     """
-    readings, slopes = differentiate(model, offsets, plan, [cause.absent for cause in causes])
-    ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in causes)])
-    return readings, np.split(slopes, ends[:-1], axis=-1)
+    slopes: dict[Cause, Floats] = {}
+    # Apart from those that move the carriages: without these, readings at one posture are equal.
+    for moving in (True, False):
+        some = [cause for cause in causes if (cause.stage is Stage.MOTION) == moving]
+        if some or not moving:
+            absent = [cause.absent for cause in some]
+            readings, together = differentiate(model, offsets, plan, absent)
+            ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in some)])
+            by_offsets, *jacobians = np.split(together, ends[:-1], axis=-1)
+            slopes |= zip(some, jacobians, strict=True)
+    return readings, [by_offsets, *(slopes[cause] for cause in causes)]
 
 
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
@@ -226,4 +234,5 @@ def _simulate(
         readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect, plan, machine)
-    return readings, jacobian
+    as_touched = all(effect.cause.stage is Stage.GEOMETRY for effect in model.accepted)
+    return readings, jacobian if as_touched else None
