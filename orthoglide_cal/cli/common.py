@@ -322,6 +322,7 @@ def chosen_machine(machine_file: Path | None) -> StoredMachine | None:
     return read_machine_file(path) if path else None
 
 
+@functools.cache
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
     """The chosen machine file, in which what was entered is recorded.
 
@@ -371,7 +372,9 @@ def usual_machine(machine_file: Path | None = None) -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, chosen_machine, known_machine, usual_machine):
+    for read in (
+        read_machine_file, chosen_machine, own_machine_file, known_machine, usual_machine
+    ):  # fmt: skip
         read.cache_clear()
 
 

@@ -175,7 +175,7 @@ class _OneRatio(NamedTuple):
     more: Floats  # and in addition along each axis, shape (m,)
     along: Floats  # Bᵀ along the axes, by the latter, (..., r, m)
     turn: Floats  # takes σ² Bᵀ D⁻¹ v to components along singular vectors of B, (..., s, r, r)
-    shrink: Floats  # share of each that B explains, (..., s, g, r)
+    shrink: Floats  # share of each that B explains, by σ², (..., s, g, r) [mm⁻²]
 
     def turned(self, columns: Overlap) -> Floats:
         """Components of columns, shape (..., s, r, q)."""
@@ -217,7 +217,7 @@ class Gaussian:
             size2 = np.where(size2 > _ROUNDING * size2[..., -1:], size2, 0.0)[..., None, :]
             stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=size2 > 0.0)
             turn = np.swapaxes(axes * stretch, -1, -2) * sizes[..., None, :]
-            shrink = size2 / (variance + size2)
+            shrink = size2 / (variance + size2) / variance
             one = _OneRatio(rows, variance, general, more, weighted, turn, shrink)
             self._by_ratio.append(one)
             log_det[..., rows] = np.log1p(size2 / variance).sum(axis=-1) + log_texture
@@ -273,6 +273,6 @@ class Gaussian:
             turned = one.turned(columns)
             for filled, along, (plain, other) in zip(weighed, across, others, strict=True):
                 taken = one.shrink @ (turned * (turned if other is columns else one.turned(other)))
-                left = (one.general * plain + one.more @ along)[..., None, None, :]
-                filled[..., one.rows, :] = np.subtract(left, taken, out=taken) / one.variance
+                left = (one.general * plain + one.more @ along)[..., None, None, :] / one.variance
+                filled[..., one.rows, :] = np.subtract(left, taken, out=taken)
         return weighed
