@@ -39,9 +39,13 @@ class FileText:
 
     path: str  # as the user gave it; "-" for standard input
     text: str
-    sha256: str  # hex digest of the bytes
-    size: int  # their number
-    marked: bool = False  # they began with a byte order mark
+    data: bytes
+    sha256: str  # hex digest of what was read
+
+    @property
+    def marked(self) -> bool:
+        """True if it begins with a byte order mark."""
+        return self.data.startswith(codecs.BOM_UTF8)
 
     @property
     def source(self) -> Source:
@@ -89,8 +93,7 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)
-    marked = data.startswith(codecs.BOM_UTF8)
-    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data), marked)
+    return FileText(path, text, data, hashlib.sha256(data).hexdigest())
 
 
 def check_size(size: int, path: str, limit: int) -> None:
