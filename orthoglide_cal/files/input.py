@@ -86,7 +86,7 @@ _FORMATS = (
             gcode.codes_beside, gcode.read_height_map),
     _Format(klipper.PROBED, "klipper", "what Klipper's console prints", "printer.cfg",
             klipper.settings_beside, klipper.read_probed),
-    _Format(gcode.MARLIN_OUTPUT, "marlin", "what Marlin prints",
+    _Format(gcode.MARLIN_OUTPUT, "marlin", "what Marlin or MarlinKimbra prints",
             "FILE, or keep what M503 prints in this file", gcode.own_codes, gcode.read_marlin),
     _Format(gcode.PROBE_HEIGHTS, "reprapfirmware", "what RepRapFirmware's console prints",
             "config.g", gcode.codes_beside, gcode.read_listed),
@@ -142,6 +142,7 @@ class Check(Schema):
     valid: bool = True
     simulated: bool = False  # some of it, or all
     problems: tuple[Fault, ...] = ()  # everything that is wrong
+    doubtful: bool = False  # some of the remarks say that it cannot be so
     remarks: tuple[Sentence, ...] = ()  # to know although nothing is wrong
     refused: str | None = None  # why sound data give no offsets
 
@@ -190,22 +191,29 @@ def check_file(
         input = input.changed(sha256=file.sha256)
         if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
             held = machine_file.machine_file_in(tree)
-            input, name = input.changed(kind="machine"), held.model.machine.name
-            return Check(input=input, machine=name, remarks=held.remarks), None
+            machine, input = held.model.machine, input.changed(kind="machine")
+            doubtful, remarks = bool(machine.instrument.implausible()), held.remarks
+            check = Check(input=input, machine=machine.name, doubtful=doubtful, remarks=remarks)
+            return check, None
         given = read_input(file, model, otherwise, stored)
     except InputError as error:
         return Check(input=input, valid=False, problems=error.problems), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
-    remarks = (
+    doubts = (
         *machine.instrument.doubts(measured),
         *machine.instrument.implausible().values(),
         *implausible_temperatures(given.conditions.temperatures_c),
-        *measured.remarks,
     )
-    simulated = measured.source.simulated
-    return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given
+    check = Check(
+        input=input,
+        machine=machine.name,
+        simulated=measured.source.simulated,
+        doubtful=bool(doubts),
+        remarks=(*doubts, *measured.remarks),
+    )
+    return check, given
 
 
 def copies_in(inputs: Sequence[Input]) -> dict[int, int]:

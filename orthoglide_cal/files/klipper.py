@@ -421,7 +421,8 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     start, points = options[section]["points"]
     texts = enumerate(points.split("\n"), start)
     rows = {line: text.split(",") for line, text in texts if text.strip()}
-    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN)
+    place = f"points of [{section}]"
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=place)
     if settings.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), stored, stated)

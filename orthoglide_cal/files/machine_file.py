@@ -374,7 +374,7 @@ def with_history(
     history more or less, not written; the digest is still that of the file.
 
     Every other byte stays, and a number moves as it is written: to take an entry back leaves what
-    was there before it.
+    was there before it. Raises InputError: it could not be read again.
     """
     model, document, past = file.model, file.document, len(file.model.machine.history)
     model = model if active is None else model.holding([*active.values()])
@@ -395,23 +395,18 @@ def with_history(
             changes[_ACTIVE,] = _as_written(active, tree["history"][-1]["before"])
         changes["history", past - 1] = None
         changes |= {} if history else {(key,): None for key in _ADDED.findall(text)}
-    text = edited(text, changes, _REMARK)
+    then = None
     with suppress(InputError):
-        then = _stored(text, document.path)
-        if machine_values(then.model) == values:
-            return replace(
-                then, model=model, document=replace(then.document, sha256=document.sha256)
-            )
-    text = machine_text(model)  # rare forms of YAML, such as keys in quotes
-    return replace(file, model=model, document=replace(document, text=text, data=text.encode()))
+        then = _stored(edited(text, changes, _REMARK), document.path)
+    if then is None or machine_values(then.model) != values:  # a rare form of YAML
+        then = _stored(machine_text(model), document.path)
+    return replace(then, document=replace(then.document, sha256=document.sha256))
 
 
 def _as_written(numbers: Mapping[str, float], texts: Mapping[str, str] | None) -> dict[str, object]:
-    """Numbers as they stand in a group of the file, if it holds the same."""
-    known = {
-        name: text for name, text in (texts or {}).items() if yaml_number(text) == numbers.get(name)
-    }
-    return {name: Verbatim(known[name]) if name in known else numbers[name] for name in numbers}
+    """Numbers as they stand in a group of the file, where it holds the same."""
+    same = {n: t for n, t in (texts or {}).items() if yaml_number(t) == numbers.get(n)}
+    return {**numbers, **{name: Verbatim(text) for name, text in same.items()}}
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:

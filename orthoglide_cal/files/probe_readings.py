@@ -111,23 +111,29 @@ def stored_mesh(
 
 
 def heights_in(
-    faults: Content, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
+    faults: Content,
+    rows: Texts,
+    shape: tuple[int, int],
+    again: str,
+    unprobed: str = "(?!)",
+    column: str | None = None,
 ) -> Floats:
     """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
 
-    NaN stands where a text fits the pattern `unprobed`; the usual one fits none.
+    NaN stands where a text fits the pattern `unprobed`; the usual one fits none. `column` says
+    where the rows stand.
     """
     heights = np.full((len(rows), shape[1]), math.nan)
     if len(rows) != shape[0]:
         what = f"The mesh has {len(rows)} rows instead of {shape[0]}."
-        faults.add(what, f"Was it cut off? {again}", max(rows, default=None))
+        faults.add(what, f"Was it cut off? {again}", max(rows, default=None), column)
     for row, (line, cells) in enumerate(rows.items()):
         if len(cells) != shape[1]:
             what = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
-            faults.add(what, again, line, value=",".join(cells))
+            faults.add(what, again, line, column, ",".join(cells))
             continue
         for place, cell in enumerate(cells):
-            with faults.noting(line, value=cell.strip()):
+            with faults.noting(line, column, cell.strip()):
                 if not re.fullmatch(unprobed, cell.strip()):
                     heights[row, place] = within(cell, -LARGEST_MM)
     return heights

@@ -31,6 +31,7 @@ _LEFT = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _ABANDONED_S = 3600.0
 _FORMULA = tuple("=+-@\t\r\n")  # what a spreadsheet would calculate
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
+_GIVE = "Give a CSV, a session, or a printer's file, saved as UTF-8 text."
 
 
 @dataclass(frozen=True)
@@ -238,12 +239,14 @@ def _decoded(data: bytes, path: str) -> str:
         raise InputError(what, "Save the sheet as CSV (UTF-8) and give that file.", file=path)
     nul = data.find(b"\0")
     if nul >= 0:
-        what = "The file holds a NUL byte: it is binary, damaged, or UTF-16."
-        raise refused(what, _UTF8, nul)
+        what = "This is no text file, or a damaged one: it holds a NUL byte."
+        raise refused(what, _GIVE, nul)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         what, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
+        if CONTROL.search(data.decode("ascii", "ignore")):
+            raise InputError("This is no text file.", _GIVE, file=path) from error
         raise refused(what, _UTF8, error.start, f"byte 0x{value:02X}") from error
     if control := CONTROL.search(text):
         what, remedy = "The text holds a control character.", "Remove it; a file is plain text."
