@@ -148,32 +148,46 @@ def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
 
 
 def _changed(text: str, path: Steps, value: object, remark: str) -> str:
-    holder: Any = None  # key of the group
-    group: Any = yaml.compose(text, Loader=yaml.SafeLoader)
+    holder: yaml.Node | None = None  # key of the group
+    group = yaml.compose(text, Loader=yaml.SafeLoader)
     for step in path[:-1]:
         holder, group = _entries(group)[step]
+    assert group is not None
     entries, step = _entries(group), path[-1]
-    if step in entries and value is not None:
-        key, node = entries[step]
-        if isinstance(value, Mapping) and value and value.keys() <= _entries(node).keys():
-            return edited(text, {(*path, name): inner for name, inner in value.items()})
+    if step not in entries:
+        return _added(text, holder, group, step, value, remark)
+    key, node = entries[step]
+    if isinstance(value, Mapping) and value and value.keys() <= _entries(node).keys():
+        return edited(text, {(*path, name): inner for name, inner in value.items()})
+    if value is not None:
         return _replaced(text, key, node, value)
-    new = {step: value} if isinstance(step, str) else [value]
-    if holder and len(entries) <= (value is None):
-        return _replaced(text, holder, group, new if value is not None else [])
-    if value is None:
-        key, node = entries[step]
-        if group.flow_style:  # with the comma before it
-            return text[: _end([*entries.values()][-2][1])] + text[_end(node) :]
-        start = text.rfind("\n", 0, key.start_mark.index)
-        return text[:start] + text[_line_end(text, _end(node)) :]
+    if holder and len(entries) == 1:
+        return _replaced(text, holder, group, [])
+    if not _is_block(group):  # with the comma before it
+        return text[: _end([*entries.values()][-2][1])] + text[_end(node) :]
+    start = text.rfind("\n", 0, key.start_mark.index)
+    return text[:start] + text[_line_end(text, _end(node)) :]
+
+
+def _added(
+    text: str,
+    holder: yaml.Node | None,
+    group: yaml.Node,
+    step: str | int,
+    value: object,
+    remark: str,
+) -> str:
+    """With a new entry of the group behind a key."""
+    new, entries = {step: value} if isinstance(step, str) else [value], _entries(group)
+    if holder and not entries:
+        return _replaced(text, holder, group, new)
     last = [name for name in entries if name != "complete"][-1]
     end = _end(entries[last][1])
-    if group.flow_style:
+    if not _is_block(group):
         return f"{text[:end]}, {yaml_text(new, flow=True).strip()[1:-1]}{text[end:]}"
     lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text(new)
     end, (first, *more) = _line_end(text, end), lines.splitlines()
-    margin = "\n" + " " * int(group.start_mark.column)
+    margin = "\n" + " " * group.start_mark.column
     return margin.join((text[:end], first + remark, *more)) + text[end:]
 
 
