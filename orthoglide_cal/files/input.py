@@ -489,7 +489,8 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
     for readings in reversed(file.data.values()):
-        file = file.on_bed(float(np.hypot(*readings.plan.spots.T[:2]).max()))
+        widest = float(np.hypot(*readings.plan.spots.T[:2]).max())
+        file = file.on_bed(widest or file.machine.delta_radius_mm)
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     model = replace(model, machine=machine)

@@ -201,7 +201,7 @@ def read_printer_file(
     if calibration is not None:
         settings.options[_CALIBRATION] = calibration
     _check_kind(settings)
-    radius = settings.number("printer", "delta_radius", low=0.0)
+    radius = settings.number("printer", "delta_radius", low=1.0)
     arms = _of_towers(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
     endstops = _of_towers(settings, "position_endstop", -LARGEST_MM)
     angles = [
@@ -212,7 +212,7 @@ def read_printer_file(
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
         remedy = "Check the angles of the towers; they are usually near 210, 330 and 90."
         settings.note((_TOWERS[-1], "angle"), TOWERS_TURN, remedy)
-    print_radius = settings.number("printer", "print_radius", radius, low=0.0)
+    print_radius = settings.number("printer", "print_radius", radius, low=1.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
     machine = delta_of(document, print_radius).having(arms, radius, np.array(angles), endstops)

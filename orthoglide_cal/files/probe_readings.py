@@ -19,6 +19,7 @@ from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import Reason, parse_number
+from orthoglide_cal.words import counted
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 # A place farther out than so many radii of the bed is not on it.
@@ -240,9 +241,10 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     readings, mesh = file.data[chosen], chosen == "mesh"
     _check_stored(readings, machine, reckoned=file.firmware == "klipper" and not mesh)
     touches = readings.plan.touches
-    words = f"{touches.sum()} {'points of a mesh' if mesh else 'heights'}"
-    if not touches.all():
-        words += f" and {np.sum(~touches)} distances"
+    n = int(touches.sum())
+    words = f"{n} points of a mesh" if mesh else counted(n, "height")
+    if n < len(touches):
+        words += f" and {counted(len(touches) - n, 'distance')}"
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     excerpt = Excerpt(chosen, words, file.firmware, file.unknown, "" if mesh else file.steps)
     return replace(
