@@ -67,9 +67,9 @@ def apply(
         if entry.running:
             common.tell(entry.running)
         action = "Take them back" if undo else "Record them"
-        question = f"Does the controller hold these values now? {action} in {target}"
+        question = f"Does the controller hold these values now? {action} in {target}?"
         if entry.controller:
-            question = f"Write this to {entry.controller.target}, and record it in {target}"
+            question = f"Write this to {entry.controller.target}, and record it in {target}?"
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
@@ -81,12 +81,12 @@ def apply(
         return
     common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
     question = "A LinuxCNC that holds the same offsets runs on this computer. Set them there,"
-    if entry.live and agrees(f"{question} too, so that homing again is enough"):
+    if entry.live and agrees(f"{question} too, so that homing again is enough?"):
         entry.set_live()
         common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
     elif entry.live:
         common.tell("Restart LinuxCNC, then home: it reads its INI only when it starts.")
-    question = "The firmware reads its file when it starts. Restart it now"
+    question = "The firmware reads its file when it starts. Restart it now?"
     if entry.address and agrees(question):
         restart(entry.address)
         common.tell("The firmware restarts. Home (G28) and probe a new mesh.")
