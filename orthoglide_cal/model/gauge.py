@@ -26,8 +26,8 @@ from orthoglide_cal.words import MM, MM_PER_INCH
 CHANCE = 1e-6
 # A value may miss the gauge's divisions by this fraction of one through rounding alone.
 OFF_SCALE = 0.02
-# Readings in mm that were converted from inches are whole multiples of this step, exactly so if they
-# are written to six decimals. Others come within this fraction of a step 1 time in 50.
+# Readings in mm that were converted from inches are whole multiples of this step, exactly so if
+# they are written to six decimals. Others come within this fraction of a step 1 time in 50.
 _INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 # A printed difference may be one of means; readings that each of them can have.
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
