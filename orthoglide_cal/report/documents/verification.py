@@ -157,7 +157,8 @@ def verification_notice(result: Verification) -> doc.Notice:
 def _size(result: Verification, size_mm: float) -> str:
     """An r.m.s. with its unit."""
     if result.differences:
-        return f"{plain(size_mm, difference_decimals(result.kind == DataKind.READINGS))} mm"
+        raw = result.before.kind == DataKind.READINGS
+        return f"{plain(size_mm, difference_decimals(raw))} mm"
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
 
