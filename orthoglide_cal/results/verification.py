@@ -32,7 +32,7 @@ from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Corrections, Instrument
@@ -60,24 +60,22 @@ class Outcome(StrEnum):
     UNDECIDED = "undecided"
     PASS = "pass"
 
+    @classmethod
+    def of(cls, deviation_mm: float, u_mm: float, limit_mm: float | None) -> Self | None:
+        """The outcome of a deviation with its U; None without a limit."""
+        if limit_mm is None:
+            return None
+        room = limit_mm - abs(deviation_mm)
+        if room >= u_mm:
+            return cls("pass")
+        return cls("fail" if room < -u_mm else "undecided")
+
 
 class ComparedInput(InputFile):
     """One of the two measurements."""
 
     validity: Validity
-
-
-class ComparedParameter(Schema):
-    """One parameter before and after; true = indicated + found."""
-
-    unit: str
-    before: float  # in the controller
-    found: float | None  # by the first measurement; null: it does not determine it
-    expanded: float
-    entered: float | None  # change; null: nobody knows
-    left: float | None  # by the second measurement
-    left_expanded: float
-    as_found: bool | None  # what was entered is what was found
+    parameters: tuple[Parameter, ...]
 
 
 class Coefficient(Schema):
@@ -106,34 +104,12 @@ class OtherChange(Schema):
     found: bool  # noise alone hardly ever gives it
 
 
-class ComparedDifference(Schema):
-    """One difference before and after the correction."""
+class ComparedDifference(PromisedDifference):
+    """One difference, and the value measured after the correction."""
 
-    difference: str
-    before_mm: float
-    promised_mm: float  # what the model said would be left
-    promised_expanded_mm: float
     after_mm: float
-    expanded_mm: float  # U of the value measured after
+    after_expanded_mm: float  # U of that
     outcome: Outcome | None  # by the rule; null where no limit was given
-
-    @classmethod
-    def of(cls, promised: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
-        """The promise, and the value measured `after` with its U `u` and a `limit`, all in mm."""
-        outcome = None
-        if limit is not None:
-            room = limit - abs(after)
-            unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
-            outcome = Outcome.PASS if room >= u else unsure
-        return cls(
-            difference=promised.name,
-            before_mm=promised.measured_mm,
-            promised_mm=promised.expected_mm,
-            promised_expanded_mm=promised.expanded_mm,
-            after_mm=after,
-            expanded_mm=u,
-            outcome=outcome,
-        )
 
 
 class Conformity(Schema):
@@ -173,7 +149,8 @@ class Verification(Schema):
     # Of heights: what the parameters found afterwards would leave.
     rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
-    parameters: dict[str, ComparedParameter]
+    # Change of each parameter in between; null: nobody knows.
+    entered: dict[str, float | None]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
     corrected: Corrections = Field({})  # causes that the controller corrects since then
     differences: tuple[ComparedDifference, ...] = ()
@@ -191,6 +168,16 @@ class Verification(Schema):
         """True if it is not as predicted, or a deviation is beyond the limit."""
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
+
+    @property
+    def entered_otherwise(self) -> list[str]:
+        """Parameters of which something else was entered than what had been found."""
+        return [
+            row.name
+            for row in self.before.parameters
+            if (by := self.entered[row.name]) is not None
+            and abs(by - (row.found or 0.0)) > AS_FOUND
+        ]
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -271,8 +258,12 @@ def verify(
     chosen = [names.index(row.name) for row in promised]
     left, noise_mm = data[chosen], model.machine.instrument.noise_mm
     u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
-    pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
-    rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
+    rows = tuple(
+        ComparedDifference(
+            **dict(row), after_mm=mm, after_expanded_mm=u_mm, outcome=Outcome.of(mm, u_mm, limit_mm)
+        )
+        for row, mm, u_mm in zip(promised, left.tolist(), u.tolist(), strict=True)
+    )
     columns = [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
     was, will_be, sure = np.array(columns).T
     apart, both = rms(left - will_be), rms(np.hypot(sure, u))
@@ -370,11 +361,14 @@ def _common(
     entered: Sequence[float | None],
     unordered: bool = False,
 ) -> dict[str, object]:
-    """Fields for any kind of machine: both inputs, and each parameter.
+    """Fields for any kind of machine: both inputs, and what was entered in between.
 
     `unordered`: they may have been measured in the other order.
     """
-    before, after = (ComparedInput.of(given, validity=validity(given)) for given in inputs)
+    before, after = (
+        ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
+        for given, solution in zip(inputs, solutions, strict=True)
+    )
     reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
@@ -383,21 +377,7 @@ def _common(
         "after": after,
         "machine": solutions[0].model.machine.name,
         "reservations": (*reservations, *([Reason.of("order_as_given")] if unordered else ())),
-        "parameters": {
-            first.name: ComparedParameter(
-                unit=first.unit,
-                before=first.active,
-                found=first.found,
-                expanded=first.expanded,
-                entered=by,
-                left=second.found,
-                left_expanded=second.expanded,
-                as_found=None if by is None else abs(by - (first.found or 0.0)) <= AS_FOUND,
-            )
-            for first, by, second in zip(
-                parameters_of(solutions[0]), entered, parameters_of(solutions[1]), strict=True
-            )
-        },
+        "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
     }
 
 

@@ -63,7 +63,7 @@ def test_the_papers_experiments_two_and_three():
     # The residuals of the paper are far above the gauge's noise, and so is their change.
     assert result.other_change.found
     assert result.decision.outcome is Outcome.PASS
-    promised = {d.difference: round(d.promised_mm, 2) for d in result.differences}
+    promised = {d.name: round(d.expected_mm, 2) for d in result.differences}
     expected = dict(
         zip([each.name for each in SIX], (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09), strict=True)
     )
@@ -123,10 +123,10 @@ def test_what_is_left_is_as_sure_as_solve_says():
         given(session(*one), conditions=warm) for one in ((TRUE, 1), ([0.01, 0.0, -0.02], 2))
     )
     result = verify(first, second, TRUE)
-    for left, told in zip(result.parameters.values(), answer_to(second).parameters, strict=True):
-        assert (left.left, left.left_expanded) == (told.found, told.expanded)
+    for left, row in zip(result.after.parameters, answer_to(second).parameters, strict=True):
+        assert (left.found, left.expanded) == (row.found, row.expanded)
     cold = verify(given(first.measured), given(second.measured), TRUE)
-    assert result.parameters["x"].left_expanded > 1.1 * cold.parameters["x"].left_expanded
+    assert result.after.parameters[0].expanded > 1.1 * cold.after.parameters[0].expanded
 
 
 def test_unequal_sessions_share_what_both_determine():
@@ -223,9 +223,9 @@ def test_decision_rule_with_guard_band(limit, outcome):
     """The largest deviation is 0.34 mm with U = 1.96·√2·noise = 0.018 mm."""
     result = verify(paper(2), paper(3), TRUE, limit_mm=limit)
     largest = max(result.differences, key=lambda row: abs(row.after_mm))
-    assert (largest.difference, largest.after_mm) == ("dy_x", pytest.approx(0.34))
+    assert (largest.name, largest.after_mm) == ("dy_x", pytest.approx(0.34))
     noise = PROTOTYPE.gauge.noise_mm
-    assert largest.expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)
+    assert largest.after_expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)
     assert result.decision.outcome is outcome
 
 
