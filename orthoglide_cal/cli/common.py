@@ -383,9 +383,8 @@ def usual_machine(machine_file: Path | None = None) -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (
-        read_machine_file, chosen_machine, own_machine_file, known_machine, usual_machine
-    ):  # fmt: skip
+    kept = (read_machine_file, chosen_machine, own_machine_file, known_machine, usual_machine)
+    for read in kept:
         read.cache_clear()
 
 

@@ -258,9 +258,8 @@ class Gaussian:
         match, inside = (np.swapaxes(one, -1, -2) @ columns for one in (values, ours))
         return Overlap((columns**2).sum(axis=-2), match[..., 0, :], inside, axes.T @ columns)
 
-    def against(self, columns: Overlap, residual: Floats) -> tuple[Floats, Floats]:
-        """cᵀ S⁻¹ c and cᵀ S⁻¹ r, each (..., s, g, q), of columns c and the residual r (..., k)."""
-        data = self.overlap(residual[..., None], residual)
+    def against(self, columns: Overlap, data: Overlap) -> tuple[Floats, Floats]:
+        """cᵀ S⁻¹ c and cᵀ S⁻¹ r, each (..., s, g, q), of columns c; `data` is r as one column."""
         power, match = self._weigh(columns, (columns.power, columns), (columns.match, data))
         return power, match
 

@@ -379,7 +379,8 @@ def all_or_one(
     sizes = np.ones((len(tried), others.shape[-1]))
     sizes[:, always:] = tried
     density = Gaussian(others, sizes, at.noise, np.log(list(at.scales.values())))
-    one = density.against(density.overlap(ones, residual), residual)
+    both = (density.overlap(values, residual) for values in (ones, residual[:, None]))
+    one = density.against(*both)
     log = of_any_size(*one, tried[:, None] ** 2) + density.by_noise(residual)[..., None]
     by_one = log_sum(log, (1, 2))
     return [
@@ -446,11 +447,12 @@ def pattern_densities(
     if not isinstance(cause, PatternCause) or placed.patterns is None:
         return
     every = density.overlap(placed.patterns, residual)
+    data = density.overlap(residual[..., None], residual)
     some = max(AT_ONCE // (by_noise.size * len(cause.counts or BLUNDER_SCALES)), 1)
     most = np.full(by_noise.shape[:-2], -math.inf)
     for start in range(0, len(placed.tried), some):
         chosen = np.arange(start, min(start + some, len(placed.tried)))
-        power, match = density.against(every.some(chosen), residual)
+        power, match = density.against(every.some(chosen), data)
         if cause.counts:
             # With the least and the most noise: what is lost with both is lost.
             ends = [0, -1]

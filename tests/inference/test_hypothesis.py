@@ -141,7 +141,7 @@ def test_densities_are_those_of_the_dense_covariance(known: int, width: int) -> 
     grid = NoiseGrid.around(0.01, Texture(axes, spectrum, rest, assumed=False))
     density = Gaussian(columns, sizes, grid, shares)
     log, overlap = density.by_noise(residual), density.overlap(patterns, residual)
-    power, match = density.against(overlap, residual)
+    power, match = density.against(overlap, density.overlap(residual[:, None], residual))
     each = density.log_density(patterns)
     assert log.shape == (2, 2, grid.sigma.size)
     for b, s, g in np.ndindex(log.shape):
