@@ -35,6 +35,7 @@ from orthoglide_cal.estimation.methods import (
     table_kind,
 )
 from orthoglide_cal.model.cause import CONFIDENCE, Effect
+from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
@@ -102,11 +103,10 @@ class Solution(OffsetEstimate):
             order = [every.which.index(difference) for difference in measured.which]
             return rms(self.data), read_only(every.predict(self.offsets_mm)[order])
         plan, points = measured.plan, (0.0 * self.offsets_mm, self.offsets_mm)
-        zeros, simulated = plan.zeros, np.stack([simulate_at(model, x, plan)[0] for x in points])
-        fitted = np.linalg.lstsq(zeros, (measured.value - simulated).T, rcond=None)[0]
-        before, after = simulated + (zeros @ fitted).T
+        simulated = np.stack([simulate_at(model, x, plan)[0] for x in points])
+        before, after = without_zeros(plan, measured.value - simulated)
         # Of readings that are less precise than most, as much less counts.
-        return rms(plan.precision * (measured.value - before)), read_only(after)
+        return rms(plan.precision * before), read_only(measured.value - after)
 
     @property
     def predicted_mm(self) -> Floats:

@@ -5,7 +5,7 @@ It holds no measured value. Readings may share unknown zeros and differ in preci
 
 import functools
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -20,6 +20,7 @@ Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
 PlanT = TypeVar("PlanT", bound="Plan")
+T = TypeVar("T")
 # A plan of the kind of machine whose methods take it; these name its class, the base cannot.
 AnyPlan = Any
 AnyCell = Any  # likewise a reading to take: see `PlannedReading`
@@ -32,6 +33,17 @@ def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
     array = np.array(values, dtype=dtype)
     array.setflags(write=False)
     return array
+
+
+def of_steps(work: Callable[[PlanT], T]) -> cached_property[T]:
+    """A property of a plan in which no time is: worked out once for all plans of the same steps."""
+
+    @functools.wraps(work)
+    def once(plan: PlanT) -> T:
+        known: T = work(plan) if plan.steps is plan else getattr(plan.steps, work.__name__)
+        return known
+
+    return cached_property(once)
 
 
 class ReadOnly:
@@ -115,7 +127,7 @@ class Plan(ABC):
         """Number of parts, empty ones before the last included."""
         return int(self.part.max()) + 1 if len(self) else 0
 
-    @cached_property
+    @of_steps
     def in_time(self) -> Ints:
         """Indices of the readings from first to last, shape (n,)."""
         return read_only(np.argsort(self.order, kind="stable"), np.intp)
@@ -170,7 +182,7 @@ class Plan(ABC):
     def shared(self) -> Ints:
         """Number, from 0, of what creeps or is knocked together with each reading, shape (n,)."""
 
-    @cached_property
+    @of_steps
     def sequence(self) -> tuple[Ints, Bools]:
         """Indices of the readings by what they share, then in time; which come first, both (n,)."""
         rows = np.lexsort((self.order, self.shared))

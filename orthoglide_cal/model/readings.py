@@ -10,7 +10,16 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, alike, read_only
+from orthoglide_cal.model.plan import (
+    Bools,
+    Floats,
+    Ints,
+    Plan,
+    Where,
+    alike,
+    of_steps,
+    read_only,
+)
 
 AXES = ("x", "y", "z")
 
@@ -95,7 +104,7 @@ class GaugePlan(Plan):
         here = (self.leg == self.leg[last]) & (self.part == self.part[last])
         return read_only(here & (self.contact == Contact.FIXED), np.bool_)
 
-    @cached_property
+    @of_steps
     def stood(self) -> Floats:
         """Offsets in force when each reading's gauge was set up, shape (n, 3) [mm].
 
@@ -109,16 +118,16 @@ class GaugePlan(Plan):
         stood[self.in_time] = self.entered[self.in_time][first][setup.reshape(-1)]
         return read_only(stood)
 
-    @cached_property
+    @of_steps
     def zeros(self) -> Floats:
         setups = np.arange(self.setup.max(initial=-1) + 1)
         return read_only(self.setup[:, None] == setups, np.float64)
 
-    @cached_property
+    @of_steps
     def cells(self) -> Ints:
         return alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
 
-    @cached_property
+    @of_steps
     def moments(self) -> tuple[Ints, Ints]:
         """Distinct true postures: a reading of each, (m,), and each reading's one, (n,)."""
         leg = np.where(self.displacement == 0.0, 0, self.leg)
@@ -130,7 +139,7 @@ class GaugePlan(Plan):
         changed = self.entered.any(axis=1) | self.stood.any(axis=1) | self.turned
         return np.asarray(~changed)
 
-    @cached_property
+    @of_steps
     def set_up_moments(self) -> tuple[Floats, Ints]:
         """Distinct `stood`, (s, 3) [mm], and each reading's one, (n,)."""
         stood, which = np.unique(self.stood, axis=0, return_inverse=True)
@@ -141,7 +150,7 @@ class GaugePlan(Plan):
         """Further keys in which repeats must agree, each (n,); () where all do."""
         return (*_columns(self.turned[:, None]), *_columns(self.entered))
 
-    @cached_property
+    @of_steps
     def cycles(self) -> Ints:
         """Repeats counted in time within each part and cell, from 1, shape (n,)."""
         kind = alike(self.part, self.cells)[1]
@@ -150,7 +159,7 @@ class GaugePlan(Plan):
         cycles[rows] = 1 + np.arange(len(self)) - np.searchsorted(kind[rows], kind[rows])
         return read_only(cycles, np.intp)
 
-    @cached_property
+    @of_steps
     def repeats(self) -> Ints:
         where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
         return alike(self.setup, *where, *self.state)[1]

@@ -146,8 +146,8 @@ def _cost(columns: Floats, left: Floats, cause: Cause, machine: Machine) -> Floa
     for acting in product((1.0, 0.0), repeat=named):
         some = columns * cause.prior_std(machine) * [*acting, *np.ones(cause.unknowns - named)]
         density = Gaussian(some, np.ones((1, cause.unknowns)), UNIT)
-        columns = density.overlap(left, left[:, 0])
-        cost, _ = density.against(columns, columns.some(slice(1)))
+        changes = density.overlap(left, left[:, 0])
+        cost, _ = density.against(changes, changes.some(slice(1)))
         sizes, _ = condition(some[0], left, np.ones(cause.unknowns), 1.0)
         impossible = np.any(sizes[:named] < 0.0, axis=0)
         costs.append(np.where(impossible, np.inf, cost.min(axis=(0, 1, 2))))
