@@ -43,6 +43,7 @@ INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 # What the owner of a machine wrote for its reports: who and which; how and with what.
 OWNER = ("organisation", "address", "place", "customer", "serial_number")
 MEANS = ("method", "traceability", "authorised_by", "gauge_due")
+LARGEST_OFFSET = 10.0  # beyond it a length or an angle is no offset
 _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
@@ -187,8 +188,9 @@ def check_words(check: CheckReading) -> str:
 
 
 def size_words(value: float, expanded: float, unit: str) -> str:
-    """Value ± U, with the unit; whole numbers have no U."""
+    """Value ± U, with the unit; whole numbers have no U, and what is no offset has no "+"."""
     number = with_uncertainty(value, expanded) if expanded else signed(value, 0)
+    number = number.removeprefix("+") if abs(value) > LARGEST_OFFSET else number
     return f"{number} {unit_words(unit)}".rstrip()
 
 

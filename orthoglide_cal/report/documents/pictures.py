@@ -253,7 +253,9 @@ def reading_panels(
             f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
             for model, values in microns.items()
         )
-        seen = f"Residuals, µm. {'; '.join(lists)}."
+        most = max(numbers, key=lambda k: abs(models[-1][k]))
+        largest = " at ".join(filter(None, (signed(models[-1][most], 1), places[most])))
+        seen = f"Residuals, µm; largest: {largest}. {'; '.join(lists)}."
         colour = f"c-{rows[numbers[0]].leg or 'x'}"
         title = f"Residuals{f' over {axis}' if axis else ''}, {gauge}"
         pictures.append(figures.svg(width, height, title, seen, parts, colour))
@@ -412,22 +414,23 @@ def moves_rails(id: str) -> bool:
 
 def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
     """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
-    left = _left(case)
-    (alone, before), *_ = left.items()
-    if _on_bed(case):
-        if cause != case.answer.causes[0]:
-            return None  # one map shows what all of them do
-        maps = [
-            figures.bed_map(f"Residuals, {alone}{title}", places, before[at], case.machine.bed)
-            for title, at, places in _surfaces(case)
-        ]
-        return doc.Figure(maps, 0, _RINGED)
-    if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
-        return sketch
-    rows, (both, after) = case.answer.residuals, [*left.items()][-1]
+    rows, left = case.answer.residuals, _left(case)
+    (alone, before), *_, (both, after) = [*left.items()] * 2
     change = np.abs(after - before)
     wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
     one = wrong if len(wrong) == 1 else []
+    if _on_bed(case):
+        if cause != case.answer.causes[0]:
+            return None  # one map shows what all of them do
+        sure = one and any(CAUSES[found.id].hides_reading for found in case.answer.causes)
+        maps = []
+        for title, at, places in _surfaces(case):
+            ringed = np.isin(at, one) if sure else None
+            name, bed = f"Residuals, {alone}{title}", case.machine.bed
+            maps.append(figures.bed_map(name, places, before[at], bed, ringed=ringed))
+        return doc.Figure(maps, 0, "Ringed: wrong." if sure else _RINGED)
+    if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
+        return sketch
     timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
     panels = reading_panels(
         rows,
