@@ -23,6 +23,7 @@ from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     decimals_for,
+    moment_words,
     plain,
     short,
     signed,
@@ -275,7 +276,7 @@ def signed_page(
     """
     words = machine.vocabulary
     number = ("Number", doc.code(identity.number))
-    issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
+    issued = ("Issued", moment_words(identity.issued))
     first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
@@ -328,9 +329,5 @@ def _conditions(of: InputFile, validity: Validity, noted: Sequence[str]) -> dict
 
 
 def moment(written: str | None) -> doc.Marked | None:
-    """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
-    if written is None:
-        return None
-    time = datetime.fromisoformat(written)
-    zone = f" {str(time)[-6:]}" if time.tzinfo else ""
-    return doc.given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")
+    """An ISO 8601 time, as people read it."""
+    return None if written is None else doc.given(moment_words(datetime.fromisoformat(written)))

@@ -19,7 +19,7 @@ from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report.case import size_words
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.results.answer import Shim
-from orthoglide_cal.words import plain, signed, two_figures
+from orthoglide_cal.words import number, plain, signed, two_figures
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
@@ -59,11 +59,6 @@ def round_up(size: float, *factors: float) -> float:
     power = 10.0 ** math.floor(math.log10(size))
     sizes = (factor * power for factor in (*factors, 10.0))
     return next(candidate for candidate in sizes if candidate >= size * (1.0 - 1e-9))
-
-
-def number(value: float) -> str:
-    """A number of an axis."""
-    return f"{value:g}".replace("-", "−")
 
 
 def svg(

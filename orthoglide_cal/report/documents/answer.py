@@ -45,6 +45,7 @@ from orthoglide_cal.words import (
     decimals_for,
     difference_decimals,
     listed,
+    number,
     percent,
     plain,
     short,
@@ -460,9 +461,10 @@ def open_blocks(case: Case) -> Iterator[str]:
     """Parameters that these readings do not determine, and sizes taken as stated."""
     names = {parameter.name for parameter in case.answer.parameters}
     for unknown in case.answer.undetermined:
-        size = f"{unknown.within:.2g} {unit_words(unknown.unit)}"
-        how = f"U = {size}" if unknown.name in names else f"taken as stated to within {size}"
-        yield f"Not determined: {unknown.name}, {how}."
+        stated = unknown.name not in names
+        size = number(unknown.within) if stated else two_figures(unknown.within)
+        how = f"{'taken as stated to within' if stated else 'U ='} {size}"
+        yield f"Not determined: {unknown.name}, {how} {unit_words(unknown.unit)}."
 
 
 def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | None:
