@@ -748,7 +748,7 @@ def _assumptions(case: Case) -> Iterator[str]:
 def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     """The method, whether the parameters alone explain the data, the noise, and several causes."""
     answer, words, noise, lack = case.answer, case.words, case.answer.noise, case.answer.lack_of_fit
-    yield "Solved by", answer.method or ""
+    yield "Solved by", f"method {answer.method}"
     if noise is None or lack is None:
         return
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
