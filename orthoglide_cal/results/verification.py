@@ -29,7 +29,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import whiten
-from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
+from orthoglide_cal.estimation.methods import table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
@@ -478,19 +478,12 @@ def shared_differences(before: Measured, after: Measured, model: Model) -> Share
         UsageError: they have nothing in common.
     """
     kinds = [kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds]
-    if not kinds:
+    every = [_of_kind(kind, before, after, model) for kind in kinds]
+    shared = max(every, key=lambda differences: len(differences.change), default=None)
+    if shared is None or len(shared.change) < 4:
         raise UsageError(
-            f"The first file holds {DESCRIPTIONS[before.kind]}, the second"
-            f" {DESCRIPTIONS[after.kind]}: they measure different things.",
-            "Measure both with the same protocol.",
-        )
-    every = (_of_kind(kind, before, after, model) for kind in kinds)
-    shared = max(every, key=lambda differences: len(differences.change))
-    if len(shared.change) < 4:
-        raise UsageError(
-            f"The two files share {len(shared.change)} differences;"
-            " three offsets cannot be verified with so few.",
-            "Measure the same postures with the same gauge directions before and after.",
+            "The two files share fewer than four differences: three offsets cannot be verified.",
+            "Measure with the same protocol, postures and gauge directions before and after.",
         )
     return shared
 
