@@ -71,12 +71,6 @@ def plan(
             if template or order:
                 fault = "A printer's places are written as a table."
                 raise UsageError(fault, "Leave these options out.")
-            if not chosen.plan.touches.all():
-                raise UsageError(
-                    f"{chosen.name} holds distances on a printed object: they are not probed.",
-                    "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring"
-                    " printer.cfg; or choose a layout without distances: --layout bed-13",
-                )
             message = f"{len(chosen.plan)} places written to {program}: {chosen.what}. Fill in"
             message += " reading_mm, the height at which the probe triggers, bed mesh off."
             common.put(places_csv(chosen.plan), program, message)

@@ -1,5 +1,6 @@
 """The loop of a session: show a step, wait for an answer, check it, put it on the disk."""
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -121,7 +122,8 @@ class Dialogue:
             elif self.so_far.left:
                 self._ask_for(self.so_far.left[0])
             else:
-                reason = next(iter(self.state.dropped.values()), "complete")
+                whole = "ended" if self.state.skipped else "complete"
+                reason = next(iter(self.state.dropped.values()), whole)
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
@@ -145,8 +147,7 @@ class Dialogue:
         if kept and live and self.state.ended:
             self.asker.say(f"Questioned and kept: {', '.join(kept)}.", Style.QUESTION)
             for word in self._words("Retake which (such as r 14)? Return: none > ").split():
-                if word.lower() != "r":
-                    self._retake(word, last)
+                self._retake(word, last)
 
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
@@ -290,8 +291,15 @@ class Dialogue:
             self._receive(answer, step)
 
     def _agrees(self, prompt: str) -> bool:
-        """True if a question is answered with yes; anything else is no."""
-        return self._words(prompt).lower() in ("y", "yes")
+        """True if a question is answered with yes, False with no or Return; else it is asked again.
+
+        Raises Quit.
+        """
+        while (answer := self._words(prompt).lower()) not in ("y", "yes"):
+            if answer in ("", "n", "no"):
+                return False
+            self.asker.say("Type y or n.")
+        return True
 
     def _words(self, prompt: str) -> str:
         """The answer to a question that wants words. Raises Quit."""
@@ -500,7 +508,7 @@ class Dialogue:
 
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
-        which, _, reason = words.partition(" ")
+        which, _, reason = re.sub(r"^r\b *", "", words, flags=re.IGNORECASE).partition(" ")
         if not which:
             return
         state, steps, leg = self.state, self.setting.steps, which.lower() in AXES

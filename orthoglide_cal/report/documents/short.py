@@ -104,10 +104,10 @@ def check_document(
     return doc.Document(partial(checked.model_dump, mode="json", context=sentence), lambda: page)
 
 
-def application_document(application: Application, live: bool) -> doc.Document:
+def application_document(application: Application) -> doc.Document:
     """The offsets in the controller from now on, and what comes next.
 
-    As data what changes in the machine file [mm]. A `live` controller is told without a restart.
+    As data what changes in the machine file [mm].
     """
     entry, machine, given = application.entry, application.file.model.machine, application.given
     undone, written, controller = application.undone, application.written, application.controller
@@ -147,7 +147,7 @@ def application_document(application: Application, live: bool) -> doc.Document:
             names = ", ".join(Path(table.path).name for table in written.tables)
             held = any(line.key.endswith("BACKLASH") for line in written.values)
             caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
-        restarts = controller.format == "linuxcnc" and not live
+        restarts = controller.format == "linuxcnc" and not application.live
         first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
     sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
     if application.corrections:
