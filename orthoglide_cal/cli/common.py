@@ -270,12 +270,13 @@ def read_input(
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
     from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.estimation import free_arms
     from orthoglide_cal.files.input import read_input as read
 
     for id in rule_out or ():
         if id not in CAUSES:
             raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
-    given = read(path, known_machine(machine_file), usual_machine, data)
+    given = free_arms(read(path, known_machine(machine_file), usual_machine, data))
     require_printer(given.measured.source, data)
     keeper = None
     with suppress(OrthocalError):  # nothing can be recorded; what was measured stands for itself

@@ -112,7 +112,7 @@ class Application:
         """
         record, controller = self.file.document, self.controller
         new = not Path(record.path).exists()
-        writes = [(record.path, record.sha256, self.then.document.text.encode())]
+        writes = [(record.path, record.sha256, self.then.document.data)]
         if controller is not None:
             writes.append((controller.target, controller.sha256, self.data))
         if self.undone:
@@ -127,7 +127,7 @@ class Application:
                     if new:
                         Path(record.path).unlink()
                     else:
-                        write_text(Path(record.path).resolve(), record.text, overwrite=True)
+                        write_text(Path(record.path).resolve(), record.data, overwrite=True)
                     self._remove_tables()
                 raise
         if self.undone:

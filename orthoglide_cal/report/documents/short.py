@@ -85,10 +85,11 @@ def check_document(
     checked = check.changed(refused=str(refused) if refused else None)
     path, kind = file_words(check.input.path), check.input.kind
     lines = [f"{path}: {counted(len(check.problems), 'fault')}"]
+    word = "no fault, but see the notes" if check.doubtful else "fine"
     if kind == "machine":
-        lines = [f"{path}: machine {check.machine!r}, fine"]
+        lines = [f"{path}: machine {check.machine!r}, {word}"]
     elif check.valid and kind is not None:
-        word = "which give no offsets" if refused else "fine"
+        word = "which give no offsets" if refused else word
         data = data_words(source, kind, check.input.readings)
         data += ", SIMULATED" if check.simulated else ""
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
