@@ -32,14 +32,6 @@ def plan(
         "FILE", "Template of the G-code. `orthocal template gcode` prints one."
     ),
     order: common.Order = common.ORDER,
-    approach: Number = option(
-        "MM", "With --program: length of the slow approach. Default: 1.", min=0.01
-    ),
-    travel: tuple[float, float] | None = option(
-        "LOW HIGH",
-        "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
-        " joint limits of the machine file.",
-    ),
     data: common.Data = common.DATA,
     machine: File = common.MACHINE,
     html: File = common.HTML,
@@ -52,17 +44,14 @@ def plan(
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning import rank_measurements
     from orthoglide_cal.planning.plan import chosen_session, measurement_plan
-    from orthoglide_cal.planning.program import APPROACH_MM, posture_program
+    from orthoglide_cal.planning.program import posture_program
     from orthoglide_cal.planning.steps import GuidedSession, require_on_bar
     from orthoglide_cal.report.documents.plan import plan_document
 
     if target is not None and cycles is not None:
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
-    moves = (template, order, approach, travel)
-    if program is None and moves != (None,) * 4:
-        raise UsageError(
-            "--template, --approach and --travel need --program.", "Name its file: --program FILE"
-        )
+    if program is None and (template or order):
+        raise UsageError("--template and --order need --program.", "Name its file: --program FILE")
     asked = common.asked_session(protocol, design, cycles, order, gauges)
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.usual_machine(machine)
@@ -79,15 +68,9 @@ def plan(
             remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * guided}."
             raise UsageError(f"The name {program} does not say what to write.", remedy)
         if session is None:
-            if moves != (None,) * 4:
+            if template or order:
                 fault = "A printer's places are written as a table."
                 raise UsageError(fault, "Leave these options out.")
-            if not chosen.plan.touches.all():
-                raise UsageError(
-                    f"{chosen.name} holds distances on a printed object: they are not probed.",
-                    "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring"
-                    " printer.cfg; or choose a layout without distances: --layout bed-13",
-                )
             message = f"{len(chosen.plan)} places written to {program}: {chosen.what}. Fill in"
             message += " reading_mm, the height at which the probe triggers, bed mesh off."
             common.put(places_csv(chosen.plan), program, message)
@@ -97,8 +80,7 @@ def plan(
             common.tell(str(careful))
         typed = command("measure", machine=machine, options=session.options)
         steps = session.steps(model.machine)
-        driven = posture_program(model, steps, typed, approach or APPROACH_MM, travel)
-        write_program(driven, program, template)
+        write_program(posture_program(model, steps, typed), program, template)
         return
     full = details or json or html is not None
     with common.working(file or "A plan"):

@@ -26,8 +26,9 @@ from orthoglide_cal.words import MM, MM_PER_INCH
 CHANCE = 1e-6
 # A value may miss the gauge's divisions by this fraction of one through rounding alone.
 OFF_SCALE = 0.02
-# Readings in mm that were converted from a column in inches are whole multiples of this.
-_INCH_STEP = 1e-5 * MM_PER_INCH
+# Readings in mm that were converted from inches are whole multiples of this step, exactly so if
+# they are written to six decimals. Others come within this fraction of a step 1 time in 50.
+_INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 # A printed difference may be one of means; readings that each of them can have.
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
 # A unit explains readings if with it they scatter at most this many times more than stated.
@@ -129,7 +130,7 @@ def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
         yield Reason.of("steady" if scatter else "stuck", where=where, **sizes)
     between = np.flatnonzero(off_scale(value, step))
     # An inch gauge's divisions need not be those of the machine file.
-    if off_scale(value[between], _INCH_STEP).any():
+    if off_scale(value[between], _INCH_STEP, _OFF_INCHES).any():
         line, first = int(readings.line[between[0]]), float(value[between[0]])
         counts = {"count": between.size, "readings": len(readings)}
         yield Reason.of("off_scale", **counts, step_mm=step, line=line, value_mm=first)
@@ -236,9 +237,9 @@ def _log_moments(size: int, noise: float) -> Floats:
 # --- digits and travel ------------------------------------------------------------------------
 
 
-def off_scale(value: Floats, step: float) -> np.ndarray:
-    """Where values [mm] lie between divisions of `step` [mm]."""
-    return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
+def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:
+    """Where values [mm] miss all divisions of `step` [mm] by more than this fraction of one."""
+    return np.asarray(np.abs(value / step - np.rint(value / step)) > allowed)
 
 
 def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Reason]:

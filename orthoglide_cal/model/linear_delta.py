@@ -82,11 +82,8 @@ MINUTES_PER_TOUCH = 5.0 / 60.0
 MINUTES_PER_BLOCK = 0.5
 BLOCKS_MM = (25.0, 50.0)  # blocks that lie about in a workshop, or are printed
 HIGH_MM = max(BLOCKS_MM)  # the higher, the less a bed imitates a frame that is out of square
-PLACES = (7, 13, 25, 49, 121)  # numbers of places
+PLACES = (7, 13, 25, 121)  # numbers of places
 REACH = 0.95  # share of the bed's radius, within which they are
-# A printed object to be measured: six pillars around one, at this share of the bed's radius.
-PILLARS = 0.5
-MINUTES_PER_PRINT, MINUTES_PER_DISTANCE = 60.0, 0.5
 # To tell what a bed alone does not: so many places of the bed, so many of them on blocks, too.
 SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31, 37, 49)
 DECIMALS = 1  # with which places are sent to a printer [mm]
@@ -656,27 +653,10 @@ class LinearDelta(Machine):
             )
 
     def layouts(self) -> tuple[Layout, ...]:
-        """Few places or many, blocks, a printed object."""
-        heights = ", ".join(f"{height:g}" for height in BLOCKS_MM)
-        turn = np.radians(30.0 + 60.0 * np.arange(6))
-        ring = PILLARS * self.bed_radius_mm * np.stack((np.cos(turn), np.sin(turn)), axis=1)
-        # From the middle to each pillar, then from each pillar to the next.
-        first, second = np.zeros((2, 12, 3))
-        first[6:, :2], second[:6, :2], second[6:, :2] = ring, ring, np.roll(ring, -1, axis=0)
-        calliper = np.full(len(first), self.probe.noise_mm / self.probe.calliper_mm)
-        distance = np.full(len(first), True)
-        nothing = np.zeros(len(first))
-        printed = touching(first, nothing, other=second, distance=distance, precision=calliper)
-        flat, raised, measured = [], [], []
-        for count in PLACES:
-            at = mixed(rings(count, REACH * self.bed_radius_mm))
-            bed, up = [(at, 0.0)], [(at, height) for height in BLOCKS_MM]
-            flat.append(layout_of(f"bed-{count}", f"{count} places of the bed", bed))
-            what = f"{count} places of the bed, and again on blocks of {heights} mm"
-            raised.append(layout_of(f"blocks-{count}", what, bed + up))
-            what = f"{count} places of the bed, and {len(first)} distances on a printed object"
-            measured.append(layout_of(f"print-{count}", what, bed, printed))
-        return (*flat, *raised, *measured)
+        """Few places of the bed, or many."""
+        places = (mixed(rings(count, REACH * self.bed_radius_mm)) for count in PLACES)
+        beds = ((f"{len(at)} places of the bed", at) for at in places)
+        return tuple(layout_of(f"bed-{len(at)}", words, [(at, 0.0)]) for words, at in beds)
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
         """Touches that distinguish skew frame and bent bed."""
@@ -765,21 +745,9 @@ def touching(
     return ProbePlan(order=order, hours=clock / 60.0, place=place, surface=surface, **columns)
 
 
-def layout_of(
-    name: str,
-    what: str,
-    parts: Sequence[tuple[Floats, float]],
-    printed: ProbePlan | None = None,
-) -> Layout:
-    """Touches of places (m, 2) [mm], height by height, then distances on a printed object."""
+def layout_of(name: str, what: str, parts: Sequence[tuple[Floats, float]]) -> Layout:
+    """Touches of places (m, 2) [mm], height by height."""
     place = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
-    raised = place[:, 2] > 0.0
-    pace = np.where(raised, MINUTES_PER_TOUCH + MINUTES_PER_BLOCK, MINUTES_PER_TOUCH)
-    plan = touching(place, place[:, 2])
-    if printed is not None:
-        plan = joined(plan, printed)
-        pace = np.append(pace, np.full(len(printed), MINUTES_PER_DISTANCE))
-        pace[len(place)] += MINUTES_PER_PRINT
-    hours = (np.cumsum(pace) - pace[0]) / 60.0
-    plan = replace(plan, order=np.arange(len(plan)), hours=hours)
+    pace = MINUTES_PER_TOUCH + MINUTES_PER_BLOCK * (place[:, 2] > 0.0)
+    plan = touching(place, place[:, 2], minutes=np.cumsum(pace) - pace[0])
     return Layout(name, what, plan, float(pace.sum()))

@@ -454,7 +454,6 @@ class PlannedReading(NamedTuple):
     direction: int
     displacement: float  # mm
     contact: Contact
-    minutes: float = 0.0
     gauge_at: float = 0.5
     part: int = 0
     turned: bool = False
@@ -493,7 +492,7 @@ class PlannedReading(NamedTuple):
 
 
 def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
-    """The plan of readings in time order, with one set-up for each place.
+    """The plan of readings in time order, at no time at all, with one set-up for each place.
 
     Order, hours and set-ups (n,) are those that are `known` instead.
     """
@@ -501,24 +500,31 @@ def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
         name: np.array([getattr(reading, name) for reading in readings])
         for name in PlannedReading._fields
     }
-    hours, entered = given.pop("minutes") / 60.0, given.pop("entered").reshape(-1, 3)
-    order, at = np.arange(len(readings)), given["contact"] == Contact.TOOL
+    entered, at = given.pop("entered").reshape(-1, 3), given["contact"] == Contact.TOOL
+    order = np.arange(len(readings))
     given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
     if "setup" not in known:
         places = np.reshape([reading.place for reading in readings], (-1, 5))
         known["setup"] = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
-    return GaugePlan(**{**given, "order": order, "hours": hours, "entered": entered, **known})
+    return GaugePlan(**{**given, "order": order, "hours": 0.0 * order, "entered": entered, **known})
 
 
 def planned_readings(plan: Plan) -> list[PlannedReading]:
-    """The readings of a plan of gauges, at no time at all."""
+    """The readings of a plan of gauges."""
     plan = GaugePlan.require(plan)
-    names = [name for name in PlannedReading._fields if name != "minutes"]
-    rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
+    rows = zip(*(getattr(plan, name).tolist() for name in PlannedReading._fields), strict=True)
     return [
-        PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
+        PlannedReading(leg, direction, moved, Contact(contact), at, part, turned, (x, y, z))
         for leg, direction, moved, contact, at, part, turned, (x, y, z) in rows
     ]
+
+
+def _paced(readings: Sequence[PlannedReading]) -> GaugePlan:
+    """The plan of readings at the usual pace, two gauges side by side."""
+    plan = plan_of(readings)
+    moved = np.diff((plan.leg, plan.displacement, plan.contact)).any(axis=0)
+    pace = MINUTES_PER_POSTURE * moved + MINUTES_PER_SETUP * (np.diff(plan.leg) != 0)
+    return replace(plan, hours=np.cumsum([0.0, *pace]) / 60.0)
 
 
 def double_posture(
@@ -551,15 +557,12 @@ def visiting(
 
     The plan has two readings for each of them in time order; `gauge_at` as of `double_posture`.
     """
-    readings = []
-    minutes = 0.0
-    for leg in legs:
-        for moved in displacements:
-            at = moved, Contact.FIXED, minutes, gauge_at
-            readings += [PlannedReading(leg, direction, *at) for direction in other_axes(leg)]
-            minutes += MINUTES_PER_POSTURE
-        minutes += MINUTES_PER_SETUP
-    return plan_of(readings)
+    readings = [
+        PlannedReading(leg, direction, moved, Contact.FIXED, gauge_at)
+        for leg, moved in product(legs, displacements)
+        for direction in other_axes(leg)
+    ]
+    return _paced(readings)
 
 
 def single_posture(machine: Machine, cycles: int = 1, closing: bool = False) -> GaugePlan:
@@ -569,15 +572,12 @@ def single_posture(machine: Machine, cycles: int = 1, closing: bool = False) -> 
     `double_posture`. The plan has 12·cycles readings in time order, 4 more if closed, and one
     gauge zero per leg.
     """
-    readings, minutes = [], 0.0
-    for leg in (0, 1):
-        for posture in (*POSTURES * cycles, *[Posture.ISO] * closing):
-            moved = machine.displacement_mm(posture)
-            for end in (Contact.JOINT, Contact.TOOL):
-                readings.append(PlannedReading(leg, HEIGHT, moved, end, minutes))
-                minutes += MINUTES_PER_POSTURE
-        minutes += MINUTES_PER_SETUP
-    return plan_of(readings)
+    visited = (*POSTURES * cycles, *[Posture.ISO] * closing)
+    readings = [
+        PlannedReading(leg, HEIGHT, machine.displacement_mm(posture), end)
+        for leg, posture, end in product((0, 1), visited, (Contact.JOINT, Contact.TOOL))
+    ]
+    return _paced(readings)
 
 
 @functools.lru_cache(maxsize=8)

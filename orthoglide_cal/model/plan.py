@@ -142,17 +142,13 @@ class Plan(ABC):
 
     @property
     def as_found(self) -> Bools:
-        """Which are of the machine as it was found, nothing entered since, (n,); all by default."""
+        """Which are of the machine as it was found, nothing changed since, (n,); all by default."""
         return np.ones(len(self), dtype=np.bool_)
 
     @property
     def stood(self) -> Floats:
         """Offsets in force when each one's gauge was set up, (n, 3) [mm]; none by default."""
         return np.zeros((len(self), 3))
-
-    def at_once(self) -> Self:
-        """The same readings, as if they were taken in one set-up and at one moment."""
-        return replace(self, order=np.arange(len(self)), hours=np.zeros(len(self)))
 
     @property
     def reductions(self) -> tuple[str, ...]:

@@ -126,8 +126,9 @@ class GaugePlan(Plan):
 
     @property
     def as_found(self) -> Bools:
-        """With nothing entered, then and when their gauge was set up."""
-        return np.asarray(~(self.entered.any(axis=1) | self.stood.any(axis=1)))
+        """With nothing entered, then and when their gauge was set up, and no bar turned."""
+        changed = self.entered.any(axis=1) | self.stood.any(axis=1) | self.turned
+        return np.asarray(~changed)
 
     @cached_property
     def set_up_moments(self) -> tuple[Floats, Ints]:
@@ -158,9 +159,6 @@ class GaugePlan(Plan):
         """As of any plan; set-ups are renumbered, and begin at their first chosen reading."""
         part = super().subset(chosen)
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
-
-    def at_once(self) -> Self:
-        return replace(super().at_once(), setup=np.zeros_like(self.setup))
 
     def entry(self, index: int) -> Mapping[str, object]:
         return {

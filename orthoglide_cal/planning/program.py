@@ -5,8 +5,7 @@ is then the same at every posture: it leaves no trace in the readings and is par
 which are right as long as the machine works with the same approach.
 
 A posture at the lower limit cannot be approached from below. There the carriage that stands at the
-limit, and only that one, arrives from above. Where the carriages can go farther than the joint
-limits of the machine file, which are the postures of the protocol, `travel_mm` says so.
+limit, and only that one, arrives from above.
 """
 
 import math
@@ -18,12 +17,12 @@ from itertools import compress, groupby
 
 import numpy as np
 
-from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.errors import PostureError
 from orthoglide_cal.files.gcode_template import Template
 from orthoglide_cal.files.text import csv_text, in_csv
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Bools, Floats, ReadOnly
+from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.words import counted, plain, short
@@ -59,46 +58,23 @@ class PostureProgram:
     """All blocks in order; the machine stands at the isotropic posture when it begins."""
 
     machine: Machine
-    approach_mm: float  # along each joint
     session: str  # the command to measure with: in other sessions blocks mean other postures
     blocks: tuple[Block, ...]
 
 
-def posture_program(
-    model: Model,
-    steps: Sequence[SessionStep],
-    session: str,
-    approach_mm: float = APPROACH_MM,
-    travel_mm: tuple[float, float] | None = None,
-) -> PostureProgram:
+def posture_program(model: Model, steps: Sequence[SessionStep], session: str) -> PostureProgram:
     """The program that takes the nominal machine through the postures of some steps.
 
     Args:
         steps: of a session, in order.
-        session, approach_mm: as of `PostureProgram`.
-        travel_mm: (lowest, highest) displacement from the isotropic posture to which the
-            controller may drive a carriage; None for the joint limits of the machine file.
+        session: as of `PostureProgram`.
 
     Raises:
-        UsageError: the travel does not hold the isotropic posture.
-        PostureError: a point is outside the limits, or they leave no room for the approach.
+        PostureError: a point is outside the joint limits.
     """
     machine = model.machine
-    low, high = machine.limits_mm if travel_mm is None else travel_mm
-    if not low <= 0.0 <= high or low == high:
-        raise UsageError(
-            f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
-            "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
-        )
+    low, high = machine.limits_mm
     least, most = low - _ROUNDING_MM, high + _ROUNDING_MM
-
-    def refuse(moved: Floats, wrong: Bools, fault: str, remedy: str) -> None:
-        """Raise PostureError for the first carriage with which something is wrong, both (n, 3)."""
-        for point, axis in np.argwhere(wrong):
-            at = f"carriage {AXES[axis].upper()} {fault.format(f'{moved[point, axis]:+.6g} mm')}"
-            limits = f"Its limits are {low:+g} and {high:+g} mm."
-            raise PostureError(f"N{number}: {at} {limits}", remedy)
-
     blocks: list[Block] = []
     leg, here, stands = 0, 0.0, None
     for number, together in groupby(steps, key=lambda step: step.block):
@@ -110,14 +86,15 @@ def posture_program(
         leg, there = visit[0].leg, visit[0].cell.displacement
         way = _way(machine, leg, here, there)
         moved = np.vstack((set_up, way)) - machine.home_mm
-        fault = "would be driven to {} from the isotropic posture."
-        outside = (moved < least) | (moved > most)
-        refuse(moved, outside, fault, "Choose postures inside the limits.")
-        above = moved[-1:] - approach_mm < least
-        fault = f"has no room for an approach of {approach_mm:g} mm to {{}}."
-        narrow = above & (moved[-1:] + approach_mm > most)
-        refuse(moved[-1:], narrow, fault, "Take a shorter approach.")
-        posture, approach = way[-1], way[-1] + np.where(above[0], approach_mm, -approach_mm)
+        for point, axis in np.argwhere((moved < least) | (moved > most)):
+            raise PostureError(
+                f"N{number}: carriage {AXES[axis].upper()} would be driven to"
+                f" {moved[point, axis]:+.6g} mm from the isotropic posture. Its limits are"
+                f" {low:+g} and {high:+g} mm.",
+                "Choose postures inside the limits.",
+            )
+        posture, above = way[-1], moved[-1] - APPROACH_MM < least
+        approach = posture + np.where(above, APPROACH_MM, -APPROACH_MM)
         tool = machine.nominal_rails.tool_for(posture)
         points = {"joint": posture, "tool": tool, "approach_joint": approach}
         row = {
@@ -134,13 +111,13 @@ def posture_program(
                 for name, point in points.items()
                 for axis, value in zip(AXES, point, strict=True)
             },
-            "from_above": " ".join(compress(AXES, above[0])),
+            "from_above": " ".join(compress(AXES, above)),
             "machine": in_csv(machine.name),
             "session": in_csv(session),
         }
         blocks.append(Block(visit[0], row, set_up, np.vstack((way[:-1], approach)), posture))
         here = there
-    return PostureProgram(machine, approach_mm, session, tuple(blocks))
+    return PostureProgram(machine, session, tuple(blocks))
 
 
 def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
@@ -196,7 +173,7 @@ def program_gcode(program: PostureProgram, template: Template) -> str:
             lines += [move(joints, template.feed) for joints in block.set_up]
             lines.append("M0")  # waits for a button: nobody knows how long gauges take
         words = f"{row['block']}: leg {row['leg']}, {posture_name(first)}, cycle {first.cycle}."
-        words += f" Read steps {row['steps']}, gauges {row['gauges']}."
+        words += f" Read steps {row['steps'].replace(' ', '-')}, gauges {row['gauges']}."
         above = row["from_above"]
         comment(f"{words} Carriage {above} arrives from above." if above else words)
         start, *way = (move(joints, template.feed) for joints in block.way)
@@ -225,7 +202,7 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     )
     yield "Begin at the isotropic posture. To run a block again, drive there first."
     yield (
-        f"Carriages arrive from below, slowly over the last {short(program.approach_mm, 3)} mm."
+        f"Carriages arrive from below, slowly over the last {short(APPROACH_MM, 3)} mm."
         " Lost motion, also called backlash, then leaves no trace in the readings and is part of"
         " the offsets: let the machine work with the same approach."
     )

@@ -67,7 +67,7 @@ class SessionStep:
     """One reading to take; leg and direction are 0, 1, 2 for x, y, z."""
 
     number: int  # from 1, in the order of the session
-    cell: PlannedReading  # what is read, at no time at all; readings of one cell repeat each other
+    cell: PlannedReading  # what is read; readings of one cell repeat each other
     posture: str  # iso, max, min, or the displacement [mm] as text
     cycle: int  # repeat of this posture, from 1
     stand: int  # which of the gauges read side by side takes it, from 0
@@ -228,8 +228,7 @@ def clock(steps: Sequence[SessionStep]) -> list[float]:
 def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[GaugePlan, float]:
     """Readings of steps, the first after `begin_min`, and when all are taken [min]."""
     *times, minutes = (begin_min + at for at in clock(steps))
-    timed = zip(steps, times, strict=True)
-    return plan_of([step.cell._replace(minutes=at) for step, at in timed]), minutes
+    return plan_of([step.cell for step in steps], hours=np.array(times) / 60.0), minutes
 
 
 def step_name(step: SessionStep) -> str:

@@ -1,15 +1,11 @@
 """Did the correction work as predicted? Two measurements and what was entered between them.
 
-Readings of gauges are compared in what both measurements determine. For raw readings
-y = C·m + A·c + Z·z + noise with cell means m (leg, direction, displacement, contact), their change
-c in the second one, and gauge zeros z, the information on c is I = Aᵀ(1 − P)A, P the projector onto
-C and Z. Compared are the contrasts of c in the range of I: missing readings, unequal repeats and
-moved stands then need no special case. Of differences, the named ones that both files hold are. The
-change is then regressed on what the model predicts for the correction,
+Gauges are compared in the differences that both measurements hold, of the machine as it was found.
+Their change c is regressed on what the model predicts for the correction,
 
     c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
 
-h: predicted quantities, Δρ: offsets before, δ: entered in the controller. An entered δ is taken
+h: predicted differences, Δρ: offsets before, δ: entered in the controller. An entered δ is taken
 off the offset that remains (true = indicated + Δρ), so theory says β = 1. What the controller
 corrects of causes from then on was entered, too: g holds it; each axis is judged without it.
 
@@ -22,28 +18,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from operator import attrgetter
 from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, InstanceOf
-from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
-from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
+from orthoglide_cal.estimation.gaussian import whiten
+from orthoglide_cal.estimation.methods import table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Corrections, Instrument
-from orthoglide_cal.model.measured import DataKind, Measured, Readings
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly, joined
+from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile
@@ -54,8 +50,6 @@ from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
 AS_FOUND = 1e-3  # firmwares print parameters to this many of their units
-# Eigenvalues of the information matrix below this are zero; real ones are 1/4 and more.
-NO_INFORMATION = 1e-9
 # A promise is that of heights that are less than this share of those before.
 A_PROMISE = 0.95
 
@@ -72,19 +66,7 @@ class ComparedInput(InputFile):
     """One of the two measurements."""
 
     validity: Validity
-
-
-class ComparedParameter(Schema):
-    """One parameter before and after; true = indicated + found."""
-
-    unit: str
-    before: float  # in the controller
-    found: float | None  # by the first measurement; null: it does not determine it
-    expanded: float
-    entered: float | None  # change; null: nobody knows
-    left: float | None  # by the second measurement
-    left_expanded: float
-    as_found: bool | None  # what was entered is what was found
+    parameters: tuple[Parameter, ...]
 
 
 class Coefficient(Schema):
@@ -113,34 +95,22 @@ class OtherChange(Schema):
     found: bool  # noise alone hardly ever gives it
 
 
-class ComparedDifference(Schema):
-    """One difference before and after the correction."""
+class ComparedDifference(PromisedDifference):
+    """One difference, and the value measured after the correction."""
 
-    difference: str
-    before_mm: float
-    promised_mm: float  # what the model said would be left
-    promised_expanded_mm: float
     after_mm: float
-    expanded_mm: float  # U of the value measured after
+    after_expanded_mm: float  # U of that
     outcome: Outcome | None  # by the rule; null where no limit was given
 
     @classmethod
-    def of(cls, promised: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
+    def of(cls, row: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
         """The promise, and the value measured `after` with its U `u` and a `limit`, all in mm."""
         outcome = None
         if limit is not None:
             room = limit - abs(after)
             unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
             outcome = Outcome.PASS if room >= u else unsure
-        return cls(
-            difference=promised.name,
-            before_mm=promised.measured_mm,
-            promised_mm=promised.expected_mm,
-            promised_expanded_mm=promised.expanded_mm,
-            after_mm=after,
-            expanded_mm=u,
-            outcome=outcome,
-        )
+        return cls(**dict(row), after_mm=after, after_expanded_mm=u, outcome=outcome)
 
 
 class Conformity(Schema):
@@ -164,8 +134,8 @@ class Verification(Schema):
     before: ComparedInput
     after: ComparedInput
     machine: str
-    kind: str  # what is compared: readings, differences (six, ...) or heights
-    compared: int  # independent changes, or touches afterwards
+    kind: str  # what is compared: six, twelve or single differences, or heights
+    compared: int  # differences, or touches afterwards
     kept: bool  # the correction worked as predicted
     apart_mm: float | None = None  # of differences: r.m.s. of measured less predicted
     # r.m.s. of the U of both together; beyond it not as predicted.
@@ -180,7 +150,8 @@ class Verification(Schema):
     # Of heights: what the parameters found afterwards would leave.
     rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
-    parameters: dict[str, ComparedParameter]
+    # Change of each parameter in between; null: nobody knows.
+    entered: dict[str, float | None]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
     corrected: Corrections = Field({})  # causes that the controller corrects since then
     differences: tuple[ComparedDifference, ...] = ()
@@ -198,6 +169,16 @@ class Verification(Schema):
         """True if it is not as predicted, or a deviation is beyond the limit."""
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
+
+    @property
+    def entered_otherwise(self) -> list[str]:
+        """Parameters of which something else was entered than what had been found."""
+        return [
+            row.name
+            for row in self.before.parameters
+            if (by := self.entered[row.name]) is not None
+            and abs(by - (row.found or 0.0)) > AS_FOUND
+        ]
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -264,25 +245,25 @@ def verify(
     first, right = _solved(before, model)
     second, _ = _solved(after, model.correcting(held))
     added = correcting(model.machine, corrected)
-    shared = shared_contrasts(before.measured, after.measured, model)
+    shared = shared_differences(before.measured, after.measured, model)
     response = _respond(shared, model.extended(added), first.offsets_mm, applied)
     later, data = pose(after.measured, model, table_kind(before.measured))
-    names = [difference.name for difference in later.which]
-    every = promise(before.measured, first, applied, right, added)
-    promised = [row for row in every if row.name in names]
-    if not promised:
+    u = NORMAL_K * model.machine.instrument.noise_mm * np.sqrt(np.diag(later.covariance()))
+    pairs = zip(data.tolist(), u.tolist(), strict=True)
+    left = dict(zip((difference.name for difference in later.which), pairs, strict=True))
+    rows = [
+        ComparedDifference.of(row, *left[row.name], limit_mm)
+        for row in promise(before.measured, first, applied, right, added)
+        if row.name in left
+    ]
+    if not rows:
         raise UsageError(
             "The two files share no difference between the ends of a leg's travel.",
             "Measure the postures max and min before and after.",
         )
-    chosen = [names.index(row.name) for row in promised]
-    left, noise_mm = data[chosen], model.machine.instrument.noise_mm
-    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
-    pairs = zip(promised, left.tolist(), u.tolist(), strict=True)
-    rows = tuple(ComparedDifference.of(row, mm, its_u, limit_mm) for row, mm, its_u in pairs)
-    columns = [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
-    was, will_be, sure = np.array(columns).T
-    apart, both = rms(left - will_be), rms(np.hypot(sure, u))
+    columns = "measured_mm", "expected_mm", "expanded_mm", "after_mm", "after_expanded_mm"
+    was, will_be, sure, now, now_sure = np.array([attrgetter(*columns)(row) for row in rows]).T
+    apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
         worst = min(outcomes, key=[*Outcome].index)
@@ -298,11 +279,11 @@ def verify(
         apart_expanded_mm=both,
         rms_before_mm=rms(was),
         rms_promised_mm=rms(will_be),
-        rms_after_mm=rms(left),
-        remains=None if adjusted else remainder(promised, model),
+        rms_after_mm=rms(now),
+        remains=None if adjusted else remainder(rows, model),
         applied_mm=_by_axis(applied),
         corrected=corrected,
-        differences=rows,
+        differences=tuple(rows),
         **response,
         decision=decision,
     )
@@ -377,11 +358,14 @@ def _common(
     entered: Sequence[float | None],
     unordered: bool = False,
 ) -> dict[str, object]:
-    """Fields for any kind of machine: both inputs, and each parameter.
+    """Fields for any kind of machine: both inputs, and what was entered in between.
 
     `unordered`: they may have been measured in the other order.
     """
-    before, after = (ComparedInput.of(given, validity=validity(given)) for given in inputs)
+    before, after = (
+        ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
+        for given, solution in zip(inputs, solutions, strict=True)
+    )
     reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
@@ -390,21 +374,7 @@ def _common(
         "after": after,
         "machine": solutions[0].model.machine.name,
         "reservations": (*reservations, *([Reason.of("order_as_given")] if unordered else ())),
-        "parameters": {
-            first.name: ComparedParameter(
-                unit=first.unit,
-                before=first.active,
-                found=first.found,
-                expanded=first.expanded,
-                entered=by,
-                left=second.found,
-                left_expanded=second.expanded,
-                as_found=None if by is None else abs(by - (first.found or 0.0)) <= AS_FOUND,
-            )
-            for first, by, second in zip(
-                parameters_of(solutions[0]), entered, parameters_of(solutions[1]), strict=True
-            )
-        },
+        "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
     }
 
 
@@ -487,12 +457,12 @@ def _more(before: Corrections, after: Corrections) -> Corrections:
 
 
 @dataclass(frozen=True, eq=False)
-class SharedContrasts(ReadOnly):
-    """k quantities measured in both sessions: their change is predicted by both sums together."""
+class SharedDifferences(ReadOnly):
+    """The same k differences in two sessions of a machine."""
 
-    kind: DataKind  # contrasts of readings, or differences
-    before: Problem  # what the first session adds to the change, for given offsets
-    after: Problem  # what the second one adds
+    kind: DataKind
+    before: Problem
+    after: Problem
     change: Floats  # after − before, measured, shape (k,) [mm]
 
     @property
@@ -501,75 +471,46 @@ class SharedContrasts(ReadOnly):
         return self.before.covariance() + self.after.covariance()
 
 
-def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
-    """The quantities that both sessions of a machine determine.
+def shared_differences(before: Measured, after: Measured, model: Model) -> SharedDifferences:
+    """The differences that both sessions of a machine hold, of the kind with most of them.
 
     Raises:
         UsageError: they have nothing in common.
     """
-    if isinstance(before, Readings) and isinstance(after, Readings):
-        shared = _of_readings(before, after, model)
-    else:
-        shared = _of_differences(before, after, model)
-    if len(shared.change) < 4:
+    kinds = [kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds]
+    every = [_of_kind(kind, before, after, model) for kind in kinds]
+    shared = max(every, key=lambda differences: len(differences.change), default=None)
+    if shared is None or len(shared.change) < 4:
         raise UsageError(
-            f"The two files share {len(shared.change)} quantities;"
-            " three offsets cannot be verified with so few.",
-            "Measure the same postures with the same gauge directions before and after.",
+            "The two files share fewer than four differences: three offsets cannot be verified.",
+            "Measure with the same protocol, postures and gauge directions before and after.",
         )
     return shared
 
 
-def _of_differences(before: Measured, after: Measured, model: Model) -> SharedContrasts:
-    kinds = {table_kind(e) if e.kind is DataKind.READINGS else e.kind for e in (before, after)}
-    if len(kinds) > 1 and kinds != {DataKind.SIX, DataKind.TWELVE}:
-        raise UsageError(
-            f"The first file holds {DESCRIPTIONS[before.kind]}, the second"
-            f" {DESCRIPTIONS[after.kind]}: they measure different things.",
-            "Measure both with the same protocol.",
-        )
-    kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
-    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
-    both = [difference for difference in first[0].which if difference in second[0].which]
-    problems, change = list[Problem](), np.zeros(len(both))
-    for (problem, data), sign in zip(posed, (-1.0, 1.0), strict=True):
-        chosen = sign * np.eye(len(data))[[*map(problem.which.index, both)]]
-        problems.append(replace(problem, matrix=chosen @ problem.matrix))
-        change += chosen @ data
-    return SharedContrasts(kind, problems[0], problems[1], change)
+def _of_kind(kind: DataKind, before: Measured, after: Measured, model: Model) -> SharedDifferences:
+    (first, was), (second, is_now) = (pose(data, model, kind) for data in (before, after))
+    both = tuple(difference for difference in first.which if difference in second.which)
 
+    def held(problem: Problem, data: Floats) -> tuple[Problem, Floats]:
+        """Those that both sessions hold."""
+        rows = [*map(problem.which.index, both)]
+        return replace(problem, matrix=np.asarray(problem.matrix)[rows], which=both), data[rows]
 
-def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
-    # Each session's machine as it was found: not what was read with something entered meanwhile.
-    as_found = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
-    every = joined(*as_found).at_once()
-    _, cell = np.unique(every.repeats, return_inverse=True)
-    design = (cell[:, None] == np.unique(cell)).astype(np.float64)
-    later = np.arange(len(every)) >= len(as_found[0])
-    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in as_found))))
-    seen = unexplained(unknown, later[:, None] * design)
-    information, axes = np.linalg.eigh(seen.T @ seen)
-    kept = information > NO_INFORMATION
-    estimator = (axes[:, kept] / information[kept]).T @ seen.T
-    problems, change = [], np.zeros(len(estimator))
-    for readings, mine in ((before, ~later), (after, later)):
-        matrix = np.zeros((len(estimator), len(readings)))
-        matrix[:, readings.plan.as_found] = estimator[:, mine]
-        problems.append(Problem(model, readings.plan, matrix))
-        change += matrix @ readings.value
-    return SharedContrasts(DataKind.READINGS, problems[0], problems[1], change)
+    (first, was), (second, is_now) = held(first, was), held(second, is_now)
+    return SharedDifferences(kind, first, second, is_now - was)
 
 
 # --- how the machine responded ----------------------------------------------------------------
 
 
 def _respond(
-    shared: SharedContrasts, corrected: Model, offsets: Floats, applied: Floats
+    shared: SharedDifferences, corrected: Model, offsets: Floats, applied: Floats
 ) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
     Args:
-        shared: k quantities of both sessions.
+        shared: k differences of both sessions.
         corrected: the machine with what its controller corrects since the first one.
         offsets: Δρ before the correction, shape (3,) [mm].
         applied: δ, shape (3,) [mm]; all zero only where something was corrected.
@@ -578,7 +519,7 @@ def _respond(
     # Midway, where a linear model of the change is right to third order.
     jacobian = -shared.after.predict_with_jacobian(offsets - applied / 2.0)[1]
     later = replace(shared.after, model=corrected).predict(remaining)
-    predicted = later + shared.before.predict(offsets)
+    predicted = later - shared.before.predict(offsets)
     offsets_alone = shared.change - (later - shared.after.predict(remaining))
     values = shared.change, offsets_alone, predicted[:, None], jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)

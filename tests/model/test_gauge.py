@@ -148,6 +148,17 @@ def test_what_a_gauge_can_hardly_have_shown_is_named(
     assert all(part in sentence(doubt) for part in words)
 
 
+@pytest.mark.parametrize(("decimals", "beside", "doubted"), [(6, 0.0, 0), (9, 0.015, 1)])
+def test_readings_in_inches_need_not_be_on_the_divisions_of_the_mm_scale(
+    decimals: int, beside: float, doubted: int
+) -> None:
+    """0.0005 in are 50 of their steps; 0.015 of a step beside them is no reading in inches."""
+    readings, gauge = drawn(truth.DIAL)
+    value = np.rint(readings.value / 0.0127) * 0.0127
+    value[7] += beside * 0.000254
+    assert len(gauge.doubts(replace(readings, value=np.round(value, decimals)))) == doubted
+
+
 @both_gauges
 @pytest.mark.parametrize(
     ("factor", "decimals", "words"),

@@ -53,7 +53,7 @@ def test_readings_alike_share_their_cell_and_their_moment() -> None:
     contact[5] = Contact.TOOL
     plan = replace(plan, gauge_at=gauge_at, contact=contact)
     assert groups(plan.cells) == [[0], [1, 6], [2], [3], [4], [5]]
-    assert groups(plan.at_once().repeats) == [[0], [1], [2], [3], [4], [5], [6]]
+    assert groups(plan.repeats) == [[0], [1], [2], [3], [4], [5], [6]]
     assert groups(plan.moments[1]) == [[0, 3], [1, 2, 6], [4, 5]]
     first, kind = plan.moments
     assert kind[first].tolist() == list(range(len(first)))
@@ -130,10 +130,10 @@ def test_readings_that_differ_in_their_part_are_no_repeats() -> None:
     )
     assert plan.setup.tolist() == [0, 0, 1, 1, 2, 2]
     assert plan.parts == 3
-    assert len(set(plan.cells.tolist())) == len(set(plan.at_once().repeats.tolist())) == 6
+    assert len(set(plan.cells.tolist())) == 6
     assert len(plan.moments[0]) == 4
     plain = replace(plan, turned=False, entered=0.0)
-    assert len(set(plain.cells.tolist())) == len(set(plain.at_once().repeats.tolist())) == 2
+    assert len(set(plain.cells.tolist())) == 2
     assert plain.cycles.tolist() == [1] * 6
 
 

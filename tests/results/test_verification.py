@@ -9,7 +9,6 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.methods import pose
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference.response import Behaviour
@@ -23,7 +22,7 @@ from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import answer_to, identify
 from orthoglide_cal.results.history import precedes
-from orthoglide_cal.results.verification import Outcome, _respond, shared_contrasts, verify
+from orthoglide_cal.results.verification import Outcome, _respond, shared_differences, verify
 from tests import truth
 from tests.estimation.sessions import of_values
 from tests.inference.sessions import known
@@ -64,7 +63,7 @@ def test_the_papers_experiments_two_and_three():
     # The residuals of the paper are far above the gauge's noise, and so is their change.
     assert result.other_change.found
     assert result.decision.outcome is Outcome.PASS
-    promised = {d.difference: round(d.promised_mm, 2) for d in result.differences}
+    promised = {d.name: round(d.expected_mm, 2) for d in result.differences}
     expected = dict(
         zip([each.name for each in SIX], (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09), strict=True)
     )
@@ -97,7 +96,7 @@ def test_intervals_cover_one_in_95_percent_of_healthy_pairs(count, low, high, fa
         applied = rng.uniform(-1.0, 1.0, 3)
         start = rng.uniform(-1.0, 1.0, 3)
         first, second = session(start, 2 * k), session(start - applied, 2 * k + 1)
-        shared = shared_contrasts(first, second, NOMINAL)
+        shared = shared_differences(first, second, NOMINAL)
         found = _respond(shared, NOMINAL, solve(first, NOMINAL).offsets_mm, applied)
         low_end, high_end = found["response"].ci95
         inside += low_end <= 1.0 <= high_end
@@ -110,7 +109,7 @@ def test_intervals_cover_one_in_95_percent_of_healthy_pairs(count, low, high, fa
 def test_raw_sessions_of_the_other_protocol():
     plan = single_posture(PROTOTYPE, cycles=3)
     result = verify(before(1, plan=plan), after(TRUE, 2, plan=plan), TRUE)
-    assert result.kind == DataKind.READINGS
+    assert result.kind == DataKind.SINGLE
     assert result.answer is Behaviour.AS_MODELLED
     assert result.response.value == pytest.approx(1.0, abs=0.05)
     assert not result.other_change.found
@@ -124,10 +123,10 @@ def test_what_is_left_is_as_sure_as_solve_says():
         given(session(*one), conditions=warm) for one in ((TRUE, 1), ([0.01, 0.0, -0.02], 2))
     )
     result = verify(first, second, TRUE)
-    for left, told in zip(result.parameters.values(), answer_to(second).parameters, strict=True):
-        assert (left.left, left.left_expanded) == (told.found, told.expanded)
+    for left, row in zip(result.after.parameters, answer_to(second).parameters, strict=True):
+        assert (left.found, left.expanded) == (row.found, row.expanded)
     cold = verify(given(first.measured), given(second.measured), TRUE)
-    assert result.parameters["x"].left_expanded > 1.1 * cold.parameters["x"].left_expanded
+    assert result.after.parameters[0].expanded > 1.1 * cold.after.parameters[0].expanded
 
 
 def test_unequal_sessions_share_what_both_determine():
@@ -224,9 +223,9 @@ def test_decision_rule_with_guard_band(limit, outcome):
     """The largest deviation is 0.34 mm with U = 1.96·√2·noise = 0.018 mm."""
     result = verify(paper(2), paper(3), TRUE, limit_mm=limit)
     largest = max(result.differences, key=lambda row: abs(row.after_mm))
-    assert (largest.difference, largest.after_mm) == ("dy_x", pytest.approx(0.34))
+    assert (largest.name, largest.after_mm) == ("dy_x", pytest.approx(0.34))
     noise = PROTOTYPE.gauge.noise_mm
-    assert largest.expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)
+    assert largest.after_expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)
     assert result.decision.outcome is outcome
 
 
@@ -284,7 +283,7 @@ def test_what_is_corrected_of_differences_does_not_depend_on_their_order():
     values = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     first, second = of_values(DataKind.SIX, values), of_values(DataKind.SIX, -values)
     turned = replace(second, which=second.which[::-1], value=second.value[::-1])
-    each = [shared_contrasts(first, later, NOMINAL).after for later in (second, turned)]
+    each = [shared_differences(first, later, NOMINAL).after for later in (second, turned)]
     effects = [replace(one, model=corrected).predict(np.zeros(3)) for one in each]
     assert np.abs(effects[0]).max() > 0.004
     assert effects[1].tolist() == effects[0].tolist()
@@ -306,7 +305,7 @@ def test_usage_errors():
     with pytest.raises(UsageError, match="limit"):
         verify(paper(2), paper(3), TRUE, limit_mm=0.0)
     heights = of_values(DataKind.SINGLE, [0.1, 0.2, 0.3, 0.1, 0.2, 0.4])
-    with pytest.raises(UsageError, match="different things"):
+    with pytest.raises(UsageError, match="share fewer than four differences"):
         verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)
     near = double_posture(PROTOTYPE, postures=(Posture.ISO, Posture.MIN))
     with pytest.raises(UsageError, match="no difference between the ends"):
@@ -319,28 +318,13 @@ LATER = truth.second_session(FIRST, 5)
 STEP = (0.8, 0.0, -0.4)
 
 
-def test_what_was_read_in_another_way_is_left_out() -> None:
+@pytest.mark.parametrize("otherwise", [{"entered": STEP}, {"turned": 1}])
+def test_what_was_read_in_another_way_is_left_out(otherwise: dict[str, object]) -> None:
     """With a step entered, or with a bar turned."""
-    (alone, model), (later, _) = known(FIRST), known(LATER)
-    usual = shared_contrasts(alone, later, model)
-    stepped, _ = known(again(FIRST, entered=STEP))
-    found = shared_contrasts(stepped, later, model)
-    assert found.change == pytest.approx(usual.change, abs=1e-9)
-    assert found.covariance == pytest.approx(usual.covariance, abs=1e-9)
-
-    # A turned bar is compared with a turned bar.
-    turned, _ = known(again(FIRST, turned=1))
-    assert len(shared_contrasts(turned, later, model).change) == len(usual.change)
-    both = shared_contrasts(turned, known(again(LATER, turned=1))[0], model)
-    assert len(both.change) == 2 * len(usual.change)
-
-
-def test_the_papers_differences_are_those_of_the_machine_as_it_was_found() -> None:
-    (alone, model), (stepped, _) = known(FIRST), known(again(FIRST, entered=STEP))
-    usual, found = (pose(each, model, DataKind.TWELVE)[1] for each in (alone, stepped))
-    assert found == pytest.approx(usual, abs=1e-12)
+    (alone, model), (later, _), (more, _) = map(known, (FIRST, LATER, again(FIRST, **otherwise)))
+    usual, shared = (shared_differences(one, later, model) for one in (alone, more))
+    assert shared.change == pytest.approx(usual.change, abs=1e-12)
+    assert shared.covariance == pytest.approx(usual.covariance, abs=1e-12)
     # All of them would give something else.
-    plan = stepped.plan
-    effect = without_zeros(plan, stepped.value)
-    gap = effect[60:] - effect[:60]
-    assert np.abs(gap).max() > 0.05
+    effect = without_zeros(more.plan, more.value)
+    assert np.abs(effect[60:] - effect[:60]).max() > 0.05

@@ -3,11 +3,9 @@
 The diagnosis shows the best of the next measurements, too.
 """
 
-import math
 import string
 from collections.abc import Iterator
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +40,6 @@ from orthoglide_cal.words import (
 _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
 _BRIEF_NEXT = 3
-_MOST_LAYOUTS = 5
 # Two causes less than so many σ apart may not be distinguished: the darker, the less.
 _SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"))
 _MOST_SIGMA = 99  # beyond which the number says nothing more
@@ -255,26 +252,14 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         yield f"Shorter: {size} (--design best); some faults show less."
 
 
-def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
-    """Layouts, quickest first, that are better than all quicker ones."""
-    kept, best = list[SessionForecast](), -math.inf
-    for session in sorted(plan.by_cycles, key=attrgetter("minutes")):
-        sigma = session.rivals_sigma
-        worth = round(-session.worst_mm if sigma is None else sigma, 1)
-        if worth > best or session.name == plan.chosen.name:
-            kept.append(session)
-        best = max(best, worth)
-    return kept[-_MOST_LAYOUTS:]
-
-
 def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     """Numbers of cycles, or layouts: what they take, what they give.
 
-    `brief`: of layouts those that no quicker one beats, without explanations. Units stand in the
-    caption: in the heads of a printer's six parameters they would not fit a terminal.
+    `brief`: of layouts without explanations. Units stand in the caption: in the heads of a
+    printer's six parameters they would not fit a terminal.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
-    shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
+    shown = plan.by_cycles
     names: list[doc.Inline] = [str(session.cycles) if cycles else session.name for session in shown]
     for k, session in enumerate(shown):
         if (session.name, session.cycles) == (plan.protocol, plan.cycles):

@@ -23,7 +23,7 @@ from orthoglide_cal.report.case import (
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results import Identity, Parameter
 from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -54,9 +54,9 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 def _screen(result: Verification) -> doc.Page:
     left = (
-        (name, row.left, row.left_expanded, row.unit)
-        for name, row in result.parameters.items()
-        if row.left is not None
+        (row.name, row.found, row.expanded, row.unit)
+        for row in result.after.parameters
+        if row.found is not None
     )
     parameters = f"Left: {sizes_words(left)}."
     before, after = map(input_words, result.inputs)
@@ -115,7 +115,7 @@ def verification_notice(result: Verification) -> doc.Notice:
         largest = max(rows, key=lambda row: abs(row.after_mm))
         data = {"made": result.decision, "largest": largest, "after_mm": abs(largest.after_mm)}
         lines.append(says(Reason.of("limit_judged", **data)))
-        if any(row.expanded_mm > limit_mm for row in rows):
+        if any(row.after_expanded_mm > limit_mm for row in rows):
             lines[-1] = " ".join((lines[-1], says(Reason.of("limit_below_u"))))
     if result.remains:
         lines.append(says(result.remains))
@@ -156,7 +156,8 @@ def verification_notice(result: Verification) -> doc.Notice:
 def _size(result: Verification, size_mm: float) -> str:
     """An r.m.s. with its unit."""
     if result.differences:
-        return f"{plain(size_mm, difference_decimals(result.kind == DataKind.READINGS))} mm"
+        raw = result.before.kind == DataKind.READINGS
+        return f"{plain(size_mm, difference_decimals(raw))} mm"
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
 
@@ -201,7 +202,7 @@ def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> s
     """Response of the machine, in one sentence."""
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
-    known = any(row.entered for row in result.parameters.values())
+    known = any(result.entered.values())
     acted_as = [signed(by, _decimals(result)) for by in (result.acted_as_mm or {}).values()]
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
@@ -236,41 +237,41 @@ def _interval(coefficient: Coefficient) -> str:
 
 def _decimals(result: Verification) -> int:
     """Decimals of joint offsets: those of what was applied, and of what is known of the rest."""
-    left = (row.left_expanded for row in result.parameters.values())
+    left = (row.expanded for row in result.after.parameters)
     return entered_decimals(left, result.applied_mm.values())
 
 
 def parameters_left(result: Verification) -> doc.Section:
     """Each parameter as found, as entered, and what remains of it."""
-    rows, decimals = result.parameters.values(), _decimals(result) if result.differences else 4
-    unit = result.inputs[1].model.machine.common_unit
+    rows, entered = result.before.parameters, result.entered.values()
+    unit, decimals = result.inputs[1].model.machine.common_unit, 4
+    if result.differences:
+        decimals = _decimals(result)
     active = signed if unit else plain  # lengths and angles of a printer have no sign
-    entered = [row.entered for row in rows]
-    now = [None if row.entered is None else row.before + row.entered for row in rows]
+    now = [None if by is None else row.active + by for row, by in zip(rows, entered, strict=True)]
     columns: dict[str, list[doc.Blank]] = {
-        "": [doc.strong(name) for name in result.parameters],
+        "": [doc.strong(row.name) for row in rows],
         **({} if unit else {"unit": [row.unit for row in rows]}),
-        "found ± U": [_known(row.found, row.expanded) for row in rows],
-        "before": [active(row.before, decimals) for row in rows],
+        "found ± U": [*map(_known, rows)],
+        "before": [active(row.active, decimals) for row in rows],
         "entered": ["unknown" if by is None else signed(by, decimals) for by in entered],
         "now": ["unknown" if new is None else doc.strong(active(new, decimals)) for new in now],
-        "left ± U": [_known(row.left, row.left_expanded) for row in rows],
+        "left ± U": [*map(_known, result.after.parameters)],
     }
     caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
     caption += " the second."
-    other = [name for name, row in result.parameters.items() if row.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
     elif not any(entered):
         note = "Nothing was entered."
-    elif other:
+    elif other := result.entered_otherwise:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 
-def _known(value: float | None, expanded: float) -> str | None:
-    return None if value is None else with_uncertainty(value, expanded)
+def _known(row: Parameter) -> str | None:
+    return None if row.found is None else with_uncertainty(row.found, row.expanded)
 
 
 def differences_left(result: Verification) -> doc.Section:
@@ -285,7 +286,10 @@ def _left_figure(result: Verification) -> doc.Figure | None:
     every = result.differences
     if not every:
         return None
-    rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
+    rows = [
+        (row.name, row.measured_mm, row.expected_mm, row.after_expanded_mm, row.after_mm)
+        for row in every
+    ]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
     outcomes = [row.outcome.capitalize() for row in every if row.outcome]
