@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtrc, stdtrit
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.methods import Problem, pose_plan
+from orthoglide_cal.estimation.methods import LeastSquaresFit, Problem, pose_plan
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model
@@ -107,6 +107,20 @@ def require_determined(problem: Problem) -> None:
     free = ~np.array(determined(model, NORMAL_K * std))
     if free.any():
         _refuse(problem, free)
+
+
+def require_optimum(problem: Problem, fit: LeastSquaresFit) -> None:
+    """Refuse a fit that found no optimum of the data, or of the first of several sets.
+
+    Raises UnusableResultError.
+    """
+    if not fit.converged.flat[0]:
+        require_determined(problem)
+        many = problem.model.machine.vocabulary.many
+        raise UnusableResultError(
+            f"No {many} fit these data: the search does not settle.",
+            "Check the machine file and the readings; validate names every fault.",
+        )
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:

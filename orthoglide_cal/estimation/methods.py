@@ -33,7 +33,7 @@ from orthoglide_cal.model.contrasts import Contrasts, Reduction, zero_free
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
@@ -171,7 +171,6 @@ class LeastSquaresFit(ReadOnly):
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
     remaining: Floats  # as of `Problem.remaining`, before the last short step, (...)
-    iterations: Ints  # steps tried, (...)
 
     @property
     def converged(self) -> np.ndarray:
@@ -197,7 +196,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     offsets = np.broadcast_to(first, (count, width)).copy()
     jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
     residual, damping = flat - model, np.zeros(count)
-    iterations = np.zeros(count, dtype=np.intp)
     step = normal_step(jacobian, residual)
     left = problem.length(jacobian, step)
     for _ in range(MAX_ITERATIONS):
@@ -223,7 +221,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         more = np.maximum(10.0 * damping[which], FIRST_DAMPING)
         less = damping[which] / 10.0
         damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
-        iterations[which] += 1
     last = np.where(left <= SHORT_STEP, step.T, 0.0).T
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
@@ -231,7 +228,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         offsets.reshape(*batch, width),
         residual.reshape(data.shape),
         left.reshape(batch),
-        iterations.reshape(batch),
     )
 
 

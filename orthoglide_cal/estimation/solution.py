@@ -18,6 +18,7 @@ from orthoglide_cal.estimation.accuracy import (
     chance_of_residual,
     half_width,
     require_determined,
+    require_optimum,
     require_rank,
     rms,
 )
@@ -293,15 +294,7 @@ def require_settings(measured: Measured) -> None:
 def _search(problem: Problem, data: Floats, start: Floats | None = None) -> Floats:
     """The offsets of one data set by least squares, (3,). Raises UnusableResultError."""
     fit = fit_offsets(problem, data, start)
-    if not fit.converged:
-        require_determined(problem)
-        many = problem.model.machine.vocabulary.many
-        raise UnusableResultError(
-            f"No {many} fit these data: the search ended where the residuals can still fall"
-            f" (a step of {float(fit.remaining):.2g} standard deviations is left after"
-            f" {int(fit.iterations)} iterations).",
-            "Check the machine file and the readings; validate names every fault.",
-        )
+    require_optimum(problem, fit)
     return fit.offsets_mm
 
 

@@ -25,9 +25,8 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED, PatternCause, RelabelCause
 from orthoglide_cal.causes.record import Misread
-from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
-from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
+from orthoglide_cal.estimation.accuracy import require_optimum, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.methods import LeastSquaresFit, pose_plan
@@ -375,13 +374,7 @@ class Linearised(ReadOnly):
         right = white.relabelled(white.data, *undone) * units[:, None]
         versions = np.vstack([white.data, right])
         fit = white.fit_versions(versions)
-        if not fit.converged[0]:
-            require_determined(white.problem)
-            many = white.machine.vocabulary.many
-            raise UnusableResultError(
-                f"No {many} fit these data: the search does not settle.",
-                "Check the machine file and the readings; validate names every fault.",
-            )
+        require_optimum(white.problem, fit)
         # A relabelling that no offsets fit did not happen.
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras, first = dict[str, Placed](), 1

@@ -10,16 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from orthoglide_cal.model.plan import (
-    Bools,
-    Floats,
-    Ints,
-    Plan,
-    Where,
-    alike,
-    of_steps,
-    read_only,
-)
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, alike, of_steps, read_only
 
 AXES = ("x", "y", "z")
 
