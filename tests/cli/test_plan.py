@@ -171,7 +171,7 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     assert first["chance"] > 0.95
     # By the expected time; what stays open means coming back, eight hours later.
     lost = [option["minutes"] + 480.0 * (1.0 - option["chance"]) for option in plan["next"]]
-    assert lost == sorted(lost)
+    assert lost == pytest.approx(sorted(lost), rel=1e-12)
     surest = max(option["chance"] for option in plan["next"])
     quicker = [option for option in plan["next"] if option["minutes"] < first["minutes"]]
     assert first["chance"] > 0.99 * surest
