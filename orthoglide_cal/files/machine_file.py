@@ -6,7 +6,7 @@ depends on which causes there are.
 
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -56,10 +56,8 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
-# Behind a key that was not there before the first entry, and goes with it.
-_REMARK = "  # added by `orthocal apply`"
-_ADDED = re.compile(rf"^(\w+):.*{_REMARK}\r?$", re.MULTILINE)
-_ACTIVE = "offsets_mm"
+# What an entry of the history keeps of the keys before it.
+_RECORDED = {"before": "offsets_mm", "corrected_before": "corrected"}
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
@@ -376,37 +374,53 @@ def with_history(
     Every other byte stays, and a number moves as it is written: to take an entry back leaves what
     was there before it. Raises InputError: it could not be read again.
     """
-    model, document, past = file.model, file.document, len(file.model.machine.history)
+    model, document, past = file.model, file.document, file.model.machine.history
     model = model if active is None else model.holding([*active.values()])
     model = model if corrected is None else model.correcting(corrected)
     model = replace(model, machine=model.machine.changed(history=history))
-    values, before = machine_values(model), machine_values(file.model)
-    keys = [key for key in {**values, **before} if values.get(key) != before.get(key)]
-    changes: dict[Steps, object] = {(key,): values.get(key) for key in keys if key != "history"}
-    text, tree = document.data.decode(), load_tree(document).value
-    if len(history) > past:
-        entry = history[-1].model_dump(mode="json", exclude_none=True)
-        changes |= {("history", past): entry} if "history" in tree else {("history",): [entry]}
-        if history[-1].before:
-            written = _as_written(history[-1].before, tree.get(_ACTIVE))
-            changes["history", past, "before"] = written
-    else:
-        if active and (_ACTIVE,) in changes:
-            changes[_ACTIVE,] = _as_written(active, tree["history"][-1]["before"])
-        changes["history", past - 1] = None
-        changes |= {} if history else {(key,): None for key in _ADDED.findall(text)}
+    values, content, text = machine_values(model), load_tree(document), document.data.decode()
+    changes = dict(_differences(machine_values(file.model), values))
+    for key in {path[0] for path in changes} - content.value.keys():  # it does not stand there
+        changes = {path: new for path, new in changes.items() if path[0] != key}
+        changes[key,] = values[str(key)]
+    enters, both = len(history) > len(past), max(past, history, key=len)
+    remark = f"  # added by `orthocal apply`, {both[-1].date}"
+    for name, key in _RECORDED.items():
+        for steps, value in _leaves(getattr(both[-1], name) or {}):
+            source, to = (key, *steps), ("history", len(both) - 1, name, *steps)
+            if not enters:
+                source, to = to, source
+            written = content.at(source)
+            if (enters or to in changes) and written and yaml_number(written) == value:
+                changes[to] = Verbatim(written)
+    if not enters:
+        added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
+        changes |= {(key,): None for key in added}
     then = None
     with suppress(InputError):
-        then = _stored(edited(text, changes, _REMARK), document.path)
+        then = _stored(edited(text, changes, remark), document.path)
     if then is None or machine_values(then.model) != values:  # a rare form of YAML
         then = _stored(machine_text(model), document.path)
     return replace(then, document=replace(then.document, sha256=document.sha256))
 
 
-def _as_written(numbers: Mapping[str, float], texts: Mapping[str, str] | None) -> dict[str, object]:
-    """Numbers as they stand in a group of the file, where it holds the same."""
-    same = {n: t for n, t in (texts or {}).items() if yaml_number(t) == numbers.get(n)}
-    return {**numbers, **{name: Verbatim(text) for name, text in same.items()}}
+def _differences(old: object, new: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
+    """Where two trees of plain values differ, and what the new one has there; None for nothing."""
+    before, after = (dict(enumerate(v)) if isinstance(v, list) else v for v in (old, new))
+    if isinstance(before, dict) and isinstance(after, dict):
+        for step in {**before, **after}:
+            yield from _differences(before.get(step), after.get(step), (*path, step))
+    elif old != new:
+        yield path, new
+
+
+def _leaves(tree: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
+    """Path and value of each number of nested groups."""
+    if not isinstance(tree, Mapping):
+        yield path, tree
+        return
+    for name, inner in tree.items():
+        yield from _leaves(inner, (*path, name))
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
