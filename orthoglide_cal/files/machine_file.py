@@ -426,14 +426,14 @@ def _leaves(tree: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     """A machine file with these values, not written yet; the others are the shipped one's.
 
-    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises InputError:
-    they do not make a machine; each with its key, and no line: the file is not there yet.
+    Dotted key → plain value, None to state nothing; without a kind it is an Orthoglide. Raises
+    InputError: they do not make a machine; each with its key, and no line: the file is not there
+    yet.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
-    text = edited(
-        shipped, {(k,): v for k, v in {**values, "history": [], "complete": True}.items()}
-    )
+    values = {**values, "history": [], "complete": True}
+    text = edited(shipped, {tuple(key.split(".")): value for key, value in values.items()})
     try:
         return _stored(text, path)
     except InputError as error:

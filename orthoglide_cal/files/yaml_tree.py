@@ -137,9 +137,8 @@ def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
 
     Args:
         text: of a file that `load_tree` reads, with a group at its top.
-        changes: path → plain value, or `Verbatim`; None takes an entry out. A group whose keys are
-            all there is changed key by key; any other value takes the place of the old one as a
-            whole. A new entry comes last, but for `complete`.
+        changes: path → plain value, or `Verbatim`; None takes an entry out. A value takes the place
+            of the old one as a whole. A new entry comes last, but for `complete`.
         remark: behind the first line of a new entry.
     """
     for path, value in changes.items():
@@ -157,8 +156,6 @@ def _changed(text: str, path: Steps, value: object, remark: str) -> str:
     if step not in entries:
         return _added(text, holder, group, step, value, remark)
     key, node = entries[step]
-    if isinstance(value, Mapping) and value and value.keys() <= _entries(node).keys():
-        return edited(text, {(*path, name): inner for name, inner in value.items()})
     if value is not None:
         return _replaced(text, key, node, value)
     if holder and len(entries) == 1:
