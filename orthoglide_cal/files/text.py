@@ -13,9 +13,12 @@ import time
 import uuid
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, count
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 from orthoglide_cal.files import moonraker
@@ -40,13 +43,10 @@ class FileText:
 
     path: str  # as the user gave it; "-" for standard input
     text: str
-    data: bytes
+    marked: bool  # with a byte order mark
     sha256: str  # hex digest of what was read
-
-    @property
-    def marked(self) -> bool:
-        """True if it begins with a byte order mark."""
-        return self.data.startswith(codecs.BOM_UTF8)
+    # What was read; empty in a journal, which holds the text.
+    data: Annotated[bytes, Field(exclude=True)] = field(default=b"", compare=False, repr=False)
 
     @property
     def source(self) -> Source:
@@ -94,7 +94,8 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)
-    return FileText(path, text, data, hashlib.sha256(data).hexdigest())
+    marked, sha256 = data.startswith(codecs.BOM_UTF8), hashlib.sha256(data).hexdigest()
+    return FileText(path, text, marked, sha256, data)
 
 
 def check_size(size: int, path: str, limit: int) -> None:

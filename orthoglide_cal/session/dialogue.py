@@ -2,12 +2,11 @@
 
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import InputError, command, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
@@ -27,13 +26,10 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
+from orthoglide_cal.session.gauges import Token, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
-from orthoglide_cal.words import Unit, counted, decimals_for, signed
-
-if TYPE_CHECKING:
-    from orthoglide_cal.results import Parameter
+from orthoglide_cal.words import Unit, counted, decimals_for
 
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
@@ -180,18 +176,6 @@ class Dialogue:
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
-
-    def reveal(self, parameters: "Sequence[Parameter]") -> None:
-        """Say, after a simulated session, what was hidden, and if it was found."""
-        if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
-            return
-        hidden: list[str] = []
-        result = "all lie within U"
-        for parameter, value in zip(parameters, gauge.offsets_mm.tolist(), strict=True):
-            hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
-            if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
-                result = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"True offsets: {' '.join(hidden)} mm; {result}.")
 
     # ---- what is asked
 
