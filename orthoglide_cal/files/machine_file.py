@@ -378,18 +378,18 @@ def with_history(
     model = model if active is None else model.holding([*active.values()])
     model = model if corrected is None else model.correcting(corrected)
     model = replace(model, machine=model.machine.changed(history=history))
-    values, content, text = machine_values(model), load_tree(document), document.data.decode()
-    changes = dict(_differences(machine_values(file.model), values))
-    for key in {path[0] for path in changes} - content.value.keys():  # it does not stand there
-        changes = {path: new for path, new in changes.items() if path[0] != key}
-        changes[key,] = values[str(key)]
+    values, before = machine_values(model), machine_values(file.model)
+    content, text = load_tree(document), document.data.decode()
+    others = (key for key in values if values[key] != before.get(key))
+    new = {key: values[key] for key in others if key not in content.value}
+    changes = {path: to for path, to in _differences(before, values) if path[0] not in new}
+    changes |= {(key,): value for key, value in new.items()}
     enters, both = len(history) > len(past), max(past, history, key=len)
     remark = f"  # added by `orthocal apply`, {both[-1].date}"
     for name, key in _RECORDED.items():
         for steps, value in _leaves(getattr(both[-1], name) or {}):
             source, to = (key, *steps), ("history", len(both) - 1, name, *steps)
-            if not enters:
-                source, to = to, source
+            source, to = (source, to) if enters else (to, source)
             written = content.at(source)
             if (enters or to in changes) and written and yaml_number(written) == value:
                 changes[to] = Verbatim(written)
