@@ -20,7 +20,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
 from orthoglide_cal.files.text import (
-    YAML_LIMIT,
     FileText,
     document_from_bytes,
     free_path,
@@ -173,7 +172,7 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     Raises InputError: everything in it that breaks the schema, each with line and path; or not
     readable, not YAML, or not a machine file.
     """
-    file = read_document(str(path), YAML_LIMIT)
+    file = read_document(str(path))
     if PRINTER_SECTION.search(file.text):
         what = "This is a printer's configuration, not a machine file."
         remedy = (

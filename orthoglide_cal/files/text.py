@@ -24,8 +24,7 @@ from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.model.measured import Source
 
-TABLE_LIMIT = 50_000_000  # bytes of a CSV
-YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
+_LARGEST = 50_000_000  # bytes
 
 # Without tab and line ends: the next message would bring them to the terminal as escape sequences.
 CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
@@ -58,15 +57,15 @@ class FileText:
         return read_document(str(path)) if self.path != "-" and path.is_file() else None
 
 
-def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
-    """Read a text file, or standard input for "-", of at most `limit` bytes.
+def read_document(path: str) -> FileText:
+    """Read a text file, or standard input for "-".
 
     Raises InputError: no such file, a folder, no permission; too large, empty, or no UTF-8 text.
     """
-    return document_from_bytes(read_bytes(path, limit), path, limit)
+    return document_from_bytes(read_bytes(path), path)
 
 
-def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
+def read_bytes(path: str) -> bytes:
     """The bytes of a file, of standard input ("-"), or of the printer.cfg of a Moonraker server.
 
     Raises InputError: no such file, a folder, no permission; the server cannot be reached.
@@ -75,9 +74,9 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         return moonraker.printer_cfg(address)
     try:
         if path == "-":
-            return sys.stdin.buffer.read(limit + 1)
+            return sys.stdin.buffer.read(_LARGEST + 1)
         with Path(path).open("rb") as file:
-            return file.read(limit + 1)
+            return file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
         what = f"The file cannot be read: {system_words(error)}."
         remedy = "Check the path and its permissions."
@@ -88,9 +87,9 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         raise InputError(what, remedy, file=path) from error
 
 
-def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:
+def document_from_bytes(data: bytes, path: str) -> FileText:
     """The text of `data`. Raises InputError as `read_document` does."""
-    check_size(len(data), path, limit)
+    check_size(len(data), path, _LARGEST)
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)

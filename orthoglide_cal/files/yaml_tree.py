@@ -16,8 +16,9 @@ import yaml
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Content, Steps, dotted
-from orthoglide_cal.files.text import CONTROL, YAML_LIMIT, FileText, check_size
+from orthoglide_cal.files.text import CONTROL, FileText, check_size
 
+YAML_LIMIT = 5_000_000  # bytes; a session of an hour has 20,000
 _DEPTH = 20
 _TOO_DEEP = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
 _NODES = 60_000  # 2,500 readings with every field; read in half a second
