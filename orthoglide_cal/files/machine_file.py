@@ -55,8 +55,7 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
-# What an entry of the history keeps of the keys before it.
-_RECORDED = {"before": "offsets_mm", "corrected_before": "corrected"}
+_ACTIVE = "offsets_mm"
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
@@ -385,13 +384,12 @@ def with_history(
     changes |= {(key,): value for key, value in new.items()}
     enters, both = len(history) > len(past), max(past, history, key=len)
     remark = f"  # added by `orthocal apply`, {both[-1].date}"
-    for name, key in _RECORDED.items():
-        for steps, value in _leaves(getattr(both[-1], name) or {}):
-            source, to = (key, *steps), ("history", len(both) - 1, name, *steps)
-            source, to = (source, to) if enters else (to, source)
-            written = content.at(source)
-            if (enters or to in changes) and written and yaml_number(written) == value:
-                changes[to] = Verbatim(written)
+    for name, value in (both[-1].before or {}).items():
+        places: list[Steps] = [(_ACTIVE, name), ("history", len(both) - 1, "before", name)]
+        source, to = places if enters else places[::-1]
+        written = content.at(source)
+        if (enters or to in changes) and written and yaml_number(written) == value:
+            changes[to] = Verbatim(written)
     if not enters:
         added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
         changes |= {(key,): None for key in added}
@@ -411,15 +409,6 @@ def _differences(old: object, new: object, path: Steps = ()) -> Iterator[tuple[S
             yield from _differences(before.get(step), after.get(step), (*path, step))
     elif old != new:
         yield path, new
-
-
-def _leaves(tree: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
-    """Path and value of each number of nested groups."""
-    if not isinstance(tree, Mapping):
-        yield path, tree
-        return
-    for name, inner in tree.items():
-        yield from _leaves(inner, (*path, name))
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
