@@ -757,8 +757,8 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     }
     known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-    alone = "" if noise.repeats_mm is None else f" {words.repeats.format(p=p)}"
-    yield "Noise, mm", f"{', '.join(known)}.{alone}"
+    alone = f" Repeats alone{p} understate the scatter: same set-up."
+    yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
     for cause in answer.causes:
         yield cause.id, case.title_of(cause.id, len(cause.parameters))
     if answer.causes:
