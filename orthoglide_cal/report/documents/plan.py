@@ -148,8 +148,6 @@ def _to_do(
         yield doc.step("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
         yield doc.step("Measure it", typed(chosen))
-    elif not chosen.plan.touches.all():
-        yield machine.vocabulary.probing
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.step(text, typed(chosen))
