@@ -35,7 +35,7 @@ def typed(folder: Path, line: str, *answers: str) -> str:
         return done.stdout
     with Terminal(folder, command=tuple(command), agreed=False) as terminal:
         for answer in answers:
-            terminal.expect(r"\]: $")
+            terminal.expect(r"(\]:|y/n >) $")
             terminal.type(answer)
         assert terminal.finish() == 0, terminal.seen
     return terminal.seen.replace("\r\n", "\n")

@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
@@ -227,7 +228,16 @@ def agreement(yes: bool, fault: str) -> Callable[[str], bool]:
     """
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError(fault, "In a script, give --yes.")
-    return lambda question: yes or typer.confirm(question, err=True)
+
+    def agrees(question: str) -> bool:
+        ask = partial(typer.prompt, f"{question} y/n", "n", show_default=False, prompt_suffix=" > ")
+        while not yes and (word := str(ask(err=True)).strip().lower()) not in ("y", "yes"):
+            if word in ("n", "no"):
+                return False
+            tell("Type y or n.")
+        return True
+
+    return agrees
 
 
 def for_each(files: Sequence[str], judge: Callable[[str], int], *, as_json: bool = False) -> int:
@@ -260,12 +270,13 @@ def read_input(
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
     from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.estimation import free_arms
     from orthoglide_cal.files.input import read_input as read
 
     for id in rule_out or ():
         if id not in CAUSES:
             raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
-    given = read(path, known_machine(machine_file), usual_machine, data)
+    given = free_arms(read(path, known_machine(machine_file), usual_machine, data))
     require_printer(given.measured.source, data)
     keeper = None
     with suppress(OrthocalError):  # nothing can be recorded; what was measured stands for itself

@@ -38,6 +38,7 @@ def diagnose(
     """Find what is wrong besides the offsets, and what to do about it."""
     from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.estimation import free_arms
     from orthoglide_cal.files.input import read_input, require_distinct
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
@@ -72,7 +73,7 @@ def diagnose(
         given = as_one(dates) if together else dates[0]
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
-        later = read_input(holdout, by, stored=data) if holdout else None
+        later = free_arms(read_input(holdout, by, stored=data)) if holdout else None
         if holdout and later:
             require_distinct([*dates, later])
             if in_wrong_order(given, later):

@@ -27,13 +27,6 @@ def export(
     rule_out: Texts = common.RULE_OUT,
     method: Text = common.METHOD,
     force: bool = flag("--force", "Export a result that must not be used, marked as FORCED."),
-    points: int = option(
-        "N",
-        "Points of the table along each edge of the workspace. Default: 7.",
-        min=2,
-        max=51,
-        default=7,
-    ),
     json: bool = common.JSON,
 ) -> None:
     """Print the new offsets for the controller, if released."""
@@ -57,7 +50,7 @@ def export(
     case = released(common.judged(given, method=method, details=json), force)
     identity = identify([given], case.answer.method, machine)
     if format == "table":
-        text = controller.as_table(compensation(given.model, points), case, identity)
+        text = controller.as_table(compensation(given.model), case, identity)
     else:
         text = controller.exported(format, case, identity)
     text = common.json_line(case.data()) if json else text

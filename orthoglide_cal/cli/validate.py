@@ -25,7 +25,8 @@ def validate(
         refused: UnusableResultError | None = None
         if given:
             try:
-                estimation.solve(given.measured, given.model)
+                freed = estimation.free_arms(given)
+                estimation.solve(freed.measured, freed.model)
             except UnusableResultError as error:
                 refused = error
         common.deliver(check_document(check, source, refused), as_json=json)

@@ -1,5 +1,6 @@
 """Estimation of the joint offsets: one problem, one least squares, covariance, the promise."""
 
+from orthoglide_cal.estimation.arms import free_arms
 from orthoglide_cal.estimation.methods import (
     LeastSquaresFit,
     Method,

@@ -165,11 +165,15 @@ class ControllerFile(ABC):
         stands = self.settings[name]
         if abs(new - float(stands.before)) < 0.5 * 10.0**-decimals:
             return []
-        after = plain(new, max(decimals, len(stands.before.partition(".")[2])))
-        if not _NUMBER.fullmatch(after):  # it could not be read again, nor restored
+        return [self._line(name, new, max(decimals, len(stands.before.partition(".")[2])))]
+
+    def _line(self, name: str, new: float, decimals: int) -> WrittenValue:
+        """The line of a setting with a new value. Raises UsageError: it could not be read again."""
+        stands, after = self.settings[name], plain(new, decimals)
+        if not _NUMBER.fullmatch(after):
             problem = f"{self.target}: {stands.key} would become {after}."
             raise UsageError(problem, f"Check the value there, {stands.before}.")
-        return [stands.changed(after=after)]
+        return stands.changed(after=after)
 
     def _replaced(self, values: Lines, tables: Sequence[WrittenTable] = ()) -> Change:
         """The change that puts other values into some lines."""
@@ -303,7 +307,7 @@ class LinuxCnc(ControllerFile):
         wanted = {_FILE: name, _TYPE: "1"}
         if f"{axis} {_BACKLASH}" in self.settings and not existing:
             wanted[_BACKLASH] = "0"
-        lines = [line.changed(after=plain(home, digits))]
+        lines = [self._line(axis, home, digits)]
         for option, after in wanted.items():
             # A new line stands above the home offset, where a line surely ends.
             above = WrittenValue(line=line.line, key=f"{section} {option}")

@@ -1,7 +1,6 @@
 """The inputs that a user names: read, joined, or only checked; and the sessions of a folder."""
 
 import hashlib
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -15,11 +14,10 @@ from typing import Annotated, Literal, NamedTuple, cast
 import numpy as np
 from pydantic import InstanceOf, PlainSerializer
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.files.probe_readings import ARMS, PrinterFile
+from orthoglide_cal.files.probe_readings import PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
     Table,
@@ -37,7 +35,6 @@ from orthoglide_cal.files.text import (
     read_document,
 )
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate
@@ -58,10 +55,6 @@ _NO_READINGS = {
     "LinuxCNC's INI": re.compile(r"^\[(EMC|KINS|TRAJ|JOINT_\d)\]", re.MULTILINE),
     "G-code": re.compile(r"\A(?:[ \t]*(?:;.*)?\n)*[GM]\d+\b"),
 }
-# Of a distance by that of a height in DELTA_CALIBRATE, where both are as many.
-_TRUST = 0.5
-_STEPS = 8  # of a search that converges quadratically
-_NEGLIGIBLE = 1e-9  # singular values below this share of the largest are zero
 ADJUSTMENT = ".adjust"  # ending of the journal of one, not that of a session
 # The header of a table of gauge readings, or of differences.
 _GAUGED = re.compile(
@@ -86,7 +79,7 @@ _FORMATS = (
             gcode.codes_beside, gcode.read_height_map),
     _Format(klipper.PROBED, "klipper", "what Klipper's console prints", "printer.cfg",
             klipper.settings_beside, klipper.read_probed),
-    _Format(gcode.MARLIN_OUTPUT, "marlin", "what Marlin prints",
+    _Format(gcode.MARLIN_OUTPUT, "marlin", "what Marlin or MarlinKimbra prints",
             "FILE, or keep what M503 prints in this file", gcode.own_codes, gcode.read_marlin),
     _Format(gcode.PROBE_HEIGHTS, "reprapfirmware", "what RepRapFirmware's console prints",
             "config.g", gcode.codes_beside, gcode.read_listed),
@@ -142,6 +135,7 @@ class Check(Schema):
     valid: bool = True
     simulated: bool = False  # some of it, or all
     problems: tuple[Fault, ...] = ()  # everything that is wrong
+    doubtful: bool = False  # some of the remarks say that it cannot be so
     remarks: tuple[Sentence, ...] = ()  # to know although nothing is wrong
     refused: str | None = None  # why sound data give no offsets
 
@@ -190,22 +184,29 @@ def check_file(
         input = input.changed(sha256=file.sha256)
         if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
             held = machine_file.machine_file_in(tree)
-            input, name = input.changed(kind="machine"), held.model.machine.name
-            return Check(input=input, machine=name, remarks=held.remarks), None
+            machine, input = held.model.machine, input.changed(kind="machine")
+            doubtful, remarks = bool(machine.instrument.implausible()), held.remarks
+            check = Check(input=input, machine=machine.name, doubtful=doubtful, remarks=remarks)
+            return check, None
         given = read_input(file, model, otherwise, stored)
     except InputError as error:
         return Check(input=input, valid=False, problems=error.problems), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
-    remarks = (
+    doubts = (
         *machine.instrument.doubts(measured),
         *machine.instrument.implausible().values(),
         *implausible_temperatures(given.conditions.temperatures_c),
-        *measured.remarks,
     )
-    simulated = measured.source.simulated
-    return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given
+    check = Check(
+        input=input,
+        machine=machine.name,
+        simulated=measured.source.simulated,
+        doubtful=bool(doubts),
+        remarks=(*doubts, *measured.remarks),
+    )
+    return check, given
 
 
 def copies_in(inputs: Sequence[Input]) -> dict[int, int]:
@@ -481,40 +482,6 @@ def _delta(model: Model, path: str, refused: InputError | None = None) -> Linear
     return LinearDelta.require(model.machine, refused or UsageError(what, remedy))
 
 
-def _free_arms(model: Model, readings: Readings) -> tuple[Effect, ...]:
-    """Excess of the arms over those stored, fitted with all else, as Klipper does [mm].
-
-    Nothing where they are known, or where so few distances fit any arms. The weights are those of
-    DELTA_CALIBRATE; how sure the arms are follows from what is stated of probe and calliper, or
-    from what is left if that is more.
-    """
-    machine, plan, cause = model.machine, readings.plan, CAUSES[ARMS]
-    distance = ~plan.touches
-    known = any(effect.cause is cause for effect in model.accepted)
-    if known or distance.sum() < 2 * cause.unknowns or not cause.size(machine):
-        return ()
-    ratio = math.sqrt(_TRUST * plan.touches.sum() / distance.sum())
-    weight = np.where(distance, ratio, 1.0)
-    unknowns = np.zeros(len(machine.parameter_names) + cause.unknowns)
-    rest, arms = np.split(np.arange(len(unknowns)), [-cause.unknowns])
-    for _ in range(_STEPS):
-        lengths = cause.at(unknowns[arms])
-        predicted, slope = differentiate(model, unknowns[rest], plan, [lengths], strict=False)
-        left, slope = weight * (readings.value - predicted), weight[:, None] * slope
-        if not np.isfinite(slope).all() or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < len(
-            unknowns
-        ):
-            return ()
-        unknowns += np.linalg.pinv(slope) @ left
-    local = machine.local_shape(plan)
-    shape = plan.touches * (local.size or 0.0) if local else 0.0
-    apart = weight * np.hypot(machine.instrument.noise_mm / plan.precision, shape)
-    scatter = float(np.sum((left / apart) ** 2)) / max(len(plan) - len(unknowns), 1)
-    spread = np.linalg.pinv(slope)[arms] * apart * math.sqrt(max(scatter, 1.0))
-    digest = readings.source.sha256
-    return (Effect(cause, unknowns[arms], covariance=spread @ spread.T, data_sha256=digest),)
-
-
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
     """Measurements that a printer's file stores, on the machine that it describes.
 
@@ -522,18 +489,16 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
     for readings in reversed(file.data.values()):
-        file = file.on_bed(float(np.hypot(*readings.plan.spots.T[:2]).max()))
+        widest = float(np.hypot(*readings.plan.spots.T[:2]).max())
+        file = file.on_bed(widest or file.machine.delta_radius_mm)
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     model = replace(model, machine=machine)
 
     def read(name: str | None, *unused: Reason) -> Input:
         readings = probe_readings.printer_readings(file, name, machine)
-        arms = _free_arms(model, readings)
-        freed = [Reason.of("arms_freed", arms=model.called(effect)) for effect in arms]
-        readings = replace(readings, remarks=(*remarks, *freed, *readings.remarks, *unused))
-        conditions = conditions_in(readings).changed(started=file.started)
-        return Input(readings, model.extended(arms), conditions)
+        readings = replace(readings, remarks=(*remarks, *readings.remarks, *unused))
+        return Input(readings, model, conditions_in(readings).changed(started=file.started))
 
     others, unused = [], []
     chosen = stored or next(iter(file.data), None)

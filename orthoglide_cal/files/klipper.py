@@ -39,7 +39,7 @@ from orthoglide_cal.files.probe_readings import (
 )
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise, touching
-from orthoglide_cal.model.measured import NOZZLE, Readings, Source
+from orthoglide_cal.model.measured import NOZZLE, Readings
 from orthoglide_cal.model.plan import Bools, Floats
 from orthoglide_cal.schema import Reason, parse_count
 
@@ -201,7 +201,7 @@ def read_printer_file(
     if calibration is not None:
         settings.options[_CALIBRATION] = calibration
     _check_kind(settings)
-    radius = settings.number("printer", "delta_radius", low=0.0)
+    radius = settings.number("printer", "delta_radius", low=1.0)
     arms = _of_towers(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
     endstops = _of_towers(settings, "position_endstop", -LARGEST_MM)
     angles = [
@@ -212,23 +212,18 @@ def read_printer_file(
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
         remedy = "Check the angles of the towers; they are usually near 210, 330 and 90."
         settings.note((_TOWERS[-1], "angle"), TOWERS_TURN, remedy)
-    print_radius = settings.number("printer", "print_radius", radius, low=0.0)
+    print_radius = settings.number("printer", "print_radius", radius, low=1.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
-    home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
-    # A file that stores no steps need not say how long they are.
-    known = sorted(settings.options[_CALIBRATION].items())
-    stored = [text for option, (_, text) in known if _STORED.match(option)]
-    step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
-    reckoned = _calibration(settings, home, step)
-    mesh = _mesh(settings, sensor, probe)
-    settings.check()
-    settled = delta_of(document, print_radius).having(arms, radius, np.array(angles), endstops)
+    machine = delta_of(document, print_radius).having(arms, radius, np.array(angles), endstops)
     scanning = _SCANNING.fullmatch(sensor) is not None
-    machine = settled.changed(probe=settled.probe.changed(scanning=scanning))
-    both = {"calibration": _reached(document.source, machine, reckoned), "mesh": mesh}
+    machine = machine.changed(probe=machine.probe.changed(scanning=scanning))
+    both = {"calibration": _calibration(settings, machine), "mesh": _mesh(settings, sensor, probe)}
+    settings.check()
     data = {name: readings for name, readings in both.items() if readings is not None}
-    remarks, steps = tuple(settings.remarks), " ".join(stored)
+    known = sorted(settings.options[_CALIBRATION].items())
+    steps = " ".join(text for option, (_, text) in known if _STORED.match(option))
+    remarks = tuple(settings.remarks)
     return PrinterFile(machine, probe, document.source, data, remarks, steps=steps)
 
 
@@ -342,23 +337,21 @@ def _step(settings: Settings, tower: str) -> float:
     return way / (steps * settings.read(tower, "gear_ratio", _gears, 1.0))
 
 
-def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
-    """Content of [delta_calibrate]: probed heights, those entered by hand, and distances, (n, 9).
-
-    Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
-    height [mm]; the probe's offset, the height entered, or the distance on the callipers [mm]; the
-    line; and 1 for a height.
-    """
+def _calibration(settings: Settings, machine: LinearDelta) -> Readings | None:
+    """Probed heights, those entered by hand, and distances, at the places where the settings in
+    force put the nozzle; None without heights, or after noting what is wrong."""
     options, starts = settings.options[_CALIBRATION], dict[tuple[int, int, str], int]()
     for option, (line, _) in options.items():
         match = _STORED.fullmatch(option)
         if match and match[3] in ("", *_POSITIONS[match[1]]):
             key = [*_POSITIONS].index(match[1]), int(match[2]), match[1]
             starts.setdefault(key, line)
-    rows = []
+    if not starts:  # such a file need not say how long a step is
+        return None
+    step, stated, counts = [_step(settings, tower) for tower in _TOWERS], list[float](), []
     for (_, number, name), line in sorted(starts.items()):
         stem, low = f"{name}{number}", 0.0 if name == _DISTANCES else -LARGEST_MM
-        value = settings.number(_CALIBRATION, stem, math.nan, low)
+        stated.append(settings.number(_CALIBRATION, stem, math.nan, low))
         if stem not in options:
             settings.missing(_CALIBRATION, stem, line)
         ends = []
@@ -367,27 +360,22 @@ def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
                 what = f"{stem} has no stepper positions: {stem}{end} is missing."
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
                 settings.note((_CALIBRATION, stem), what, remedy)
-            counts = settings.read(_CALIBRATION, stem + end, _three, math.nan)
-            ends.append(home - np.array(counts) * step)
-        rows.append((*ends[0], *ends[-1], value, line, name != _DISTANCES))
-    return np.reshape(rows, (-1, 9))
-
-
-def _reached(source: Source, machine: LinearDelta, stored: Floats) -> Readings | None:
-    """The same, at the places where the settings in force put the nozzle; None without heights."""
-    value, line, heights = stored[:, 6], stored[:, 7].astype(int), int(stored[:, 8].sum())
-    if not heights:
+            ends.append(settings.read(_CALIBRATION, stem + end, _three, math.nan))
+        counts.append([ends[0], ends[-1]])  # the same twice of a height
+    distance = np.array([name == _DISTANCES for _, _, name in sorted(starts)])
+    if settings.problems or distance.all():
         return None
-    ends = np.split(stored[:, :6], 2, axis=1)
-    place, other = (np.asarray(machine.nominal_rails.tool_for(at, strict=False)) for at in ends)
-    distance = stored[:, 8] == 0.0
+    joints = machine.endstop_carriages_mm - np.array(counts) * step  # at both ends, (n, 2, 3)
+    place, other = machine.nominal_rails.tool_for(joints.swapaxes(0, 1), strict=False)
+    value = np.array(stated)
     plan = touching(place, np.where(distance, 0.0, value), other=other, distance=distance)
-    value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
-    trimmed = float(np.mean(value[:heights]))
+    value = np.where(distance, value - plan.wanted, place[:, 2] - value)
+    trimmed = float(np.mean(value[~distance]))
     # What the settings in force take for higher is reached lower down.
     moved = Reason.of(NOZZLE[trimmed < 0.0], mm=abs(trimmed))
     remarks = (moved,) if abs(trimmed) > _TRIMMED_MM else ()
-    return Readings(plan, value, line, False, source, remarks=remarks)
+    lines = np.array([starts[key] for key in sorted(starts)])
+    return Readings(plan, value, lines, False, settings.document.source, remarks=remarks)
 
 
 def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
@@ -421,7 +409,8 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     start, points = options[section]["points"]
     texts = enumerate(points.split("\n"), start)
     rows = {line: text.split(",") for line, text in texts if text.strip()}
-    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN)
+    place = f"points of [{section}]"
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=place)
     if settings.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), stored, stated)

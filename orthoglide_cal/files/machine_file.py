@@ -26,7 +26,7 @@ from orthoglide_cal.files.text import (
     free_path,
     read_document,
 )
-from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
+from orthoglide_cal.files.yaml_tree import Verbatim, edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Active, Corrections, Entered, Machine
@@ -56,8 +56,10 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
-_CORRECTED = re.compile(r"^corrected:.*\n(?: .*\n)*", re.MULTILINE)
-_HISTORY = re.compile(r"^history:", re.MULTILINE)
+# Behind a key that was not there before the first entry, and goes with it.
+_REMARK = "  # added by `orthocal apply`"
+_ADDED = re.compile(rf"^(\w+):.*{_REMARK}\r?$", re.MULTILINE)
+_ACTIVE = "offsets_mm"
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
@@ -368,27 +370,43 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
 def with_history(
     file: StoredMachine, active: Active | None, corrected: Corrections | None, *history: Entered
 ) -> StoredMachine:
-    """The file with other active values and corrections (None: the same), and history, not
-    written.
+    """The file with other active values and corrections (None: the same), and one entry of the
+    history more or less, not written; the digest is still that of the file.
 
-    Comments, order and blanks stay as they are; the digest is still that of the file.
+    Every other byte stays, and a number moves as it is written: to take an entry back leaves what
+    was there before it. Raises InputError: it could not be read again.
     """
-    model = file.model if active is None else file.model.holding([*active.values()])
+    model, document, past = file.model, file.document, len(file.model.machine.history)
+    model = model if active is None else model.holding([*active.values()])
     model = model if corrected is None else model.correcting(corrected)
     model = replace(model, machine=model.machine.changed(history=history))
-    values, before, text = machine_values(model), machine_values(file.model), file.document.text
+    values, before = machine_values(model), machine_values(file.model)
     keys = [key for key in {**values, **before} if values.get(key) != before.get(key)]
-    text = edited(text, {key: values.get(key, {}) for key in keys if key != "corrected"})
-    if "corrected" in keys:  # in front of the history, which stays in front of the last line
-        new = yaml_text({"corrected": values["corrected"]}) if "corrected" in values else ""
-        text = _HISTORY.sub(f"{new}history:", _CORRECTED.sub("", text))
-    if not history and not text.startswith(WRITTEN):  # such a file had no line for it
-        text = text.removesuffix("history: []\n")
+    changes: dict[Steps, object] = {(key,): values.get(key) for key in keys if key != "history"}
+    text, tree = document.data.decode(), load_tree(document).value
+    if len(history) > past:
+        entry = history[-1].model_dump(mode="json", exclude_none=True)
+        changes |= {("history", past): entry} if "history" in tree else {("history",): [entry]}
+        if history[-1].before:
+            written = _as_written(history[-1].before, tree.get(_ACTIVE))
+            changes["history", past, "before"] = written
+    else:
+        if active and (_ACTIVE,) in changes:
+            changes[_ACTIVE,] = _as_written(active, tree["history"][-1]["before"])
+        changes["history", past - 1] = None
+        changes |= {} if history else {(key,): None for key in _ADDED.findall(text)}
+    then = None
     with suppress(InputError):
-        if machine_values(machine_from_text(text, file.document.path)) == values:
-            return replace(file, model=model, document=replace(file.document, text=text))
-    text = machine_text(model)  # JSON and other rare forms of YAML have no comments to lose
-    return replace(file, model=model, document=replace(file.document, text=text))
+        then = _stored(edited(text, changes, _REMARK), document.path)
+    if then is None or machine_values(then.model) != values:  # a rare form of YAML
+        then = _stored(machine_text(model), document.path)
+    return replace(then, document=replace(then.document, sha256=document.sha256))
+
+
+def _as_written(numbers: Mapping[str, float], texts: Mapping[str, str] | None) -> dict[str, object]:
+    """Numbers as they stand in a group of the file, where it holds the same."""
+    same = {n: t for n, t in (texts or {}).items() if yaml_number(t) == numbers.get(n)}
+    return {**numbers, **{name: Verbatim(text) for name, text in same.items()}}
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
@@ -399,7 +417,9 @@ def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
-    text = edited(shipped, {**values, "history": [], "complete": True})
+    text = edited(
+        shipped, {(k,): v for k, v in {**values, "history": [], "complete": True}.items()}
+    )
     try:
         return _stored(text, path)
     except InputError as error:

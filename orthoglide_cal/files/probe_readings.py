@@ -19,6 +19,7 @@ from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import Reason, parse_number
+from orthoglide_cal.words import counted
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 # A place farther out than so many radii of the bed is not on it.
@@ -111,23 +112,29 @@ def stored_mesh(
 
 
 def heights_in(
-    faults: Content, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
+    faults: Content,
+    rows: Texts,
+    shape: tuple[int, int],
+    again: str,
+    unprobed: str = "(?!)",
+    column: str | None = None,
 ) -> Floats:
     """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
 
-    NaN stands where a text fits the pattern `unprobed`; the usual one fits none.
+    NaN stands where a text fits the pattern `unprobed`; the usual one fits none. `column` says
+    where the rows stand.
     """
     heights = np.full((len(rows), shape[1]), math.nan)
     if len(rows) != shape[0]:
         what = f"The mesh has {len(rows)} rows instead of {shape[0]}."
-        faults.add(what, f"Was it cut off? {again}", max(rows, default=None))
+        faults.add(what, f"Was it cut off? {again}", max(rows, default=None), column)
     for row, (line, cells) in enumerate(rows.items()):
         if len(cells) != shape[1]:
             what = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
-            faults.add(what, again, line, value=",".join(cells))
+            faults.add(what, again, line, column, ",".join(cells))
             continue
         for place, cell in enumerate(cells):
-            with faults.noting(line, value=cell.strip()):
+            with faults.noting(line, column, cell.strip()):
                 if not re.fullmatch(unprobed, cell.strip()):
                     heights[row, place] = within(cell, -LARGEST_MM)
     return heights
@@ -234,9 +241,10 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     readings, mesh = file.data[chosen], chosen == "mesh"
     _check_stored(readings, machine, reckoned=file.firmware == "klipper" and not mesh)
     touches = readings.plan.touches
-    words = f"{touches.sum()} {'points of a mesh' if mesh else 'heights'}"
-    if not touches.all():
-        words += f" and {np.sum(~touches)} distances"
+    n = int(touches.sum())
+    words = f"{n} points of a mesh" if mesh else counted(n, "height")
+    if n < len(touches):
+        words += f" and {counted(len(touches) - n, 'distance')}"
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     excerpt = Excerpt(chosen, words, file.firmware, file.unknown, "" if mesh else file.steps)
     return replace(

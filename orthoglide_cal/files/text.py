@@ -13,9 +13,12 @@ import time
 import uuid
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, count
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 from orthoglide_cal.files import moonraker
@@ -31,6 +34,7 @@ _LEFT = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _ABANDONED_S = 3600.0
 _FORMULA = tuple("=+-@\t\r\n")  # what a spreadsheet would calculate
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
+_GIVE = "Give a CSV, a session, or a printer's file, saved as UTF-8 text."
 
 
 @dataclass(frozen=True)
@@ -39,9 +43,10 @@ class FileText:
 
     path: str  # as the user gave it; "-" for standard input
     text: str
-    sha256: str  # hex digest of the bytes
-    size: int  # their number
-    marked: bool = False  # they began with a byte order mark
+    marked: bool  # with a byte order mark
+    sha256: str  # hex digest of what was read
+    # What was read; empty in a journal, which holds the text.
+    data: Annotated[bytes, Field(exclude=True)] = field(default=b"", compare=False, repr=False)
 
     @property
     def source(self) -> Source:
@@ -89,8 +94,8 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)
-    marked = data.startswith(codecs.BOM_UTF8)
-    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data), marked)
+    marked, sha256 = data.startswith(codecs.BOM_UTF8), hashlib.sha256(data).hexdigest()
+    return FileText(path, text, marked, sha256, data)
 
 
 def check_size(size: int, path: str, limit: int) -> None:
@@ -235,12 +240,14 @@ def _decoded(data: bytes, path: str) -> str:
         raise InputError(what, "Save the sheet as CSV (UTF-8) and give that file.", file=path)
     nul = data.find(b"\0")
     if nul >= 0:
-        what = "The file holds a NUL byte: it is binary, damaged, or UTF-16."
-        raise refused(what, _UTF8, nul)
+        what = "This is no text file, or a damaged one: it holds a NUL byte."
+        raise refused(what, _GIVE, nul)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         what, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
+        if CONTROL.search(data.decode("ascii", "ignore")):
+            raise InputError("This is no text file.", _GIVE, file=path) from error
         raise refused(what, _UTF8, error.start, f"byte 0x{value:02X}") from error
     if control := CONTROL.search(text):
         what, remedy = "The text holds a control character.", "Remove it; a file is plain text."

@@ -22,8 +22,6 @@ _DEPTH = 20
 _TOO_DEEP = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
 _NODES = 60_000  # 2,500 readings with every field; read in half a second
 _NULLS = ("", "~", "null", "Null", "NULL")
-# Characters [start, end) of a text, and what takes their place.
-_Change = tuple[int, int, str]
 
 
 def load_tree(file: FileText) -> Content:
@@ -33,7 +31,7 @@ def load_tree(file: FileText) -> Content:
     more than 20 levels or 60,000 nodes, before what follows them is looked at. Raises InputError:
     not YAML, or something refused, with its line.
     """
-    check_size(file.size, file.path, YAML_LIMIT)
+    check_size(len(file.data), file.path, YAML_LIMIT)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     events: Iterator[Any] = yaml.parse(file.text, Loader=loader)
     tree, nodes, documents = Content(file), count(1), 0
@@ -110,14 +108,17 @@ def load_tree(file: FileText) -> Content:
     return tree
 
 
-def yaml_text(value: object) -> str:
-    """YAML of plain values, in the order given, as `load_tree` reads it back."""
+def yaml_text(value: object, flow: bool | None = None) -> str:
+    """YAML of plain values, in the order given, as `load_tree` reads it back.
+
+    With `flow` it is all in braces and brackets; without, only groups of nothing but scalars are.
+    """
     # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
     apart = json.loads(json.dumps(value))
     written: str = yaml.dump(
         apart,
         Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper),
-        default_flow_style=None,
+        default_flow_style=flow,
         sort_keys=False,
         allow_unicode=True,
         width=1000,
@@ -125,57 +126,90 @@ def yaml_text(value: object) -> str:
     return written
 
 
-def edited(text: str, values: Mapping[str, object]) -> str:
-    """The text of a YAML file with other values.
+class Verbatim(str):
+    """A value as it stands in a file, where 0 and 0.0 are not the same."""
 
-    `edited("a: 1  # one\\n", {"a": 2, "b": []})` is `"a: 2  # one\\nb: []\\n"`.
+
+def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
+    """The text of a YAML file with other values at some paths; every other byte stays.
+
+    `edited("a: 1  # one\\n", {("a",): 2, ("b",): []})` is `"a: 2  # one\\nb: []\\n"`.
 
     Args:
         text: of a file that `load_tree` reads, with a group at its top.
-        values: key → plain value. A group whose keys are all there is changed key by key; any
-            other value takes the place of the old one as a whole; a new key comes last.
+        changes: path → plain value, or `Verbatim`; None takes an entry out. A group whose keys are
+            all there is changed key by key; any other value takes the place of the old one as a
+            whole. A new entry comes last, but for `complete`.
+        remark: behind the first line of a new entry.
     """
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    missing = {key: value for key, value in values.items() if _entry(root, key)[1] is None}
-    for start, end, new in sorted(_changes(root, values, text), reverse=True):
-        before, rest = text[:start], text[end:]
-        if new.startswith("\n"):
-            before = before.rstrip(" ")
-        elif new and before.endswith(":"):
-            new = f" {new}"
-        blanks = len(rest) - len(rest.lstrip(" "))
-        if rest[blanks : blanks + 1] == "#" and "\n" not in new:
-            # A comment behind it stays in its column.
-            longer = len(new) - (end - start)
-            rest = " " * max(1, blanks - longer) + rest[blanks:]
-        text = before + new + rest
-    if not missing:
-        return text
-    return text.rstrip("\n") + "\n" + yaml_text(missing)
+    for path, value in changes.items():
+        text = _changed(text, path, value, remark)
+    return text
 
 
-def _changes(group: yaml.Node | None, values: Mapping[str, object], text: str) -> Iterator[_Change]:
-    for key, value in values.items():
-        name, node = _entry(group, key)
-        if name is None or node is None:
-            continue
-        start = node.start_mark.index
-        line = text.rfind("\n", 0, start)
-        if isinstance(value, Mapping) and value and all(_entry(node, inner)[1] for inner in value):
-            yield from _changes(node, value, text)
-        elif _is_block(node) and not text[line:start].strip(" \n"):
-            # A block below its key: the new value stands behind the key, whatever its form.
-            colon = text.index(":", name.end_mark.index) + 1
-            yield colon, colon, _written(value)
-            yield line, _end(node), ""
-        else:
-            yield start, _end(node), _written(value)
+def _changed(text: str, path: Steps, value: object, remark: str) -> str:
+    holder: yaml.Node | None = None  # key of the group
+    group = yaml.compose(text, Loader=yaml.SafeLoader)
+    for step in path[:-1]:
+        holder, group = _entries(group)[step]
+    assert group is not None
+    entries, step = _entries(group), path[-1]
+    if step not in entries:
+        return _added(text, holder, group, step, value, remark)
+    key, node = entries[step]
+    if isinstance(value, Mapping) and value and value.keys() <= _entries(node).keys():
+        return edited(text, {(*path, name): inner for name, inner in value.items()})
+    if value is not None:
+        return _replaced(text, key, node, value)
+    if holder and len(entries) == 1:
+        return _replaced(text, holder, group, [])
+    if not _is_block(group):  # with the comma before it
+        return text[: _end([*entries.values()][-2][1])] + text[_end(node) :]
+    start = text.rfind("\n", 0, key.start_mark.index)
+    return text[:start] + text[_line_end(text, _end(node)) :]
 
 
-def _entry(group: yaml.Node | None, key: str) -> tuple[yaml.Node, yaml.Node] | tuple[None, None]:
-    """The nodes of a key and its value; None where there is none."""
-    entries = group.value if isinstance(group, yaml.MappingNode) else ()
-    return next((entry for entry in entries if entry[0].value == key), (None, None))
+def _added(
+    text: str,
+    holder: yaml.Node | None,
+    group: yaml.Node,
+    step: str | int,
+    value: object,
+    remark: str,
+) -> str:
+    """With a new entry of the group behind a key."""
+    new, entries = {step: value} if isinstance(step, str) else [value], _entries(group)
+    if holder and not entries:
+        return _replaced(text, holder, group, new)
+    last = [name for name in entries if name != "complete"][-1]
+    end = _end(entries[last][1])
+    if not _is_block(group):
+        return f"{text[:end]}, {yaml_text(new, flow=True).strip()[1:-1]}{text[end:]}"
+    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text(new)
+    end, (first, *more) = _line_end(text, end), lines.splitlines()
+    margin = "\n" + " " * group.start_mark.column
+    return margin.join((text[:end], first + remark, *more)) + text[end:]
+
+
+def _replaced(text: str, key: yaml.Node, node: yaml.Node, value: object) -> str:
+    """With another value behind a key, or on the lines below it, whatever its form was."""
+    new = _written(value).replace("\n", "\n" + " " * key.start_mark.column)
+    colon, start, end = text.index(":", key.end_mark.index) + 1, node.start_mark.index, _end(node)
+    behind = text[end : _line_end(text, end)]  # a remark
+    if _is_block(node):
+        behind, start = text[colon : _line_end(text, colon)], colon
+    rest = text[_line_end(text, end) :]
+    if new.startswith("\n"):
+        return text[:colon] + behind + new + rest
+    return text[:colon] + (text[colon:start] or " ") + new.removeprefix(" ") + behind + rest
+
+
+def _entries(node: yaml.Node | None) -> dict[str | int, tuple[yaml.Node, yaml.Node]]:
+    """Key and value of each entry of a group; an item of a list stands for both."""
+    if isinstance(node, yaml.MappingNode):
+        return {key.value: (key, value) for key, value in node.value}
+    items = node.value if isinstance(node, yaml.SequenceNode) else ()
+    return {index: (item, item) for index, item in enumerate(items)}
 
 
 def _is_block(node: yaml.Node) -> bool:
@@ -190,8 +224,15 @@ def _end(node: yaml.Node) -> int:
     return _end(last[1] if isinstance(last, tuple) else last)
 
 
+def _line_end(text: str, at: int) -> int:
+    """Where the line ends, without its line end."""
+    end = text.find("\n", at)
+    return len(text) if end < 0 else end
+
+
 def _written(value: object) -> str:
-    """A value as it stands behind `key: `, or on the lines below."""
+    """A value as it stands behind `key:`, or on the lines below."""
+    if isinstance(value, Verbatim):
+        return f" {value}"
     # The list keeps the dumper from writing a group of nothing but scalars in braces.
-    lines = yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")
-    return lines.removeprefix(" ")
+    return yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")

@@ -121,7 +121,7 @@ class Compensation(ReadOnly):
     corrections_mm: Floats  # to be added to the nominal joint values, shape (n, 3)
 
 
-def compensation(model: Model, points: int) -> Compensation:
+def compensation(model: Model, points: int = 7) -> Compensation:
     """The table for the causes accepted for this machine, with `points` along each edge.
 
     Raises UsageError: no accepted cause can be compensated; PostureError: a leg is too short for a

@@ -4,17 +4,36 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError, command
-from orthoglide_cal.files.controller_file import ControllerFile, holds, replace_file
+from orthoglide_cal.errors import (
+    InputError,
+    OrthocalError,
+    UnusableResultError,
+    UsageError,
+    command,
+)
+from orthoglide_cal.files import linuxcnc
+from orthoglide_cal.files.controller_file import (
+    ControllerFile,
+    controller_file,
+    holds,
+    replace_file,
+)
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
-from orthoglide_cal.files.text import write_text
+from orthoglide_cal.files.machine_file import (
+    StoredMachine,
+    differing,
+    new_machine_file,
+    with_history,
+)
+from orthoglide_cal.files.moonraker import server
+from orthoglide_cal.files.text import check_writable, write_text
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import Corrections, Entered, Written, WrittenTable
@@ -57,6 +76,34 @@ class Application:
         """Files beside the controller's that come or go with it."""
         return self.entry.written.tables if self.entry.written else ()
 
+    @cached_property
+    def running(self) -> str | None:
+        """What `linuxcnc.running` says of the controller's file; None without one."""
+        return linuxcnc.running(self.controller) if self.controller else None
+
+    @property
+    def live(self) -> bool:
+        """True if a running LinuxCNC can take the offsets without a restart."""
+        return self.running == "" and not self.tables
+
+    @property
+    def address(self) -> str | None:
+        """The server that holds the controller's file; None for a file of this computer."""
+        return server(self.controller.target) if self.controller else None
+
+    def check_writable(self) -> None:
+        """Raise InputError for a file of this computer that cannot be written."""
+        controller = [self.controller.target] if self.controller and not self.address else []
+        for path in (self.file.document.path, *controller):
+            check_writable(Path(path).resolve())
+
+    def set_live(self) -> None:
+        """Set what was written in the running LinuxCNC. Raises InputError: it does not take it."""
+        written = controller_file(self.controller.target) if self.controller else None
+        if written is None or not linuxcnc.is_live(written, anew=True):
+            problem = "The running LinuxCNC does not take the offsets; its INI holds them."
+            raise InputError(problem, "Restart LinuxCNC, then home.")
+
     def write(self) -> None:
         """Write the record, then the controller's file; what is taken back, in the other order.
 
@@ -65,7 +112,7 @@ class Application:
         """
         record, controller = self.file.document, self.controller
         new = not Path(record.path).exists()
-        writes = [(record.path, record.sha256, self.then.document.text.encode())]
+        writes = [(record.path, record.sha256, self.then.document.data)]
         if controller is not None:
             writes.append((controller.target, controller.sha256, self.data))
         if self.undone:
@@ -80,7 +127,7 @@ class Application:
                     if new:
                         Path(record.path).unlink()
                     else:
-                        write_text(Path(record.path).resolve(), record.text, overwrite=True)
+                        write_text(Path(record.path).resolve(), record.data, overwrite=True)
                     self._remove_tables()
                 raise
         if self.undone:
@@ -165,13 +212,48 @@ def apply(
     )
 
 
-def check_measured(given: Input, file: StoredMachine | None = None) -> None:
-    """Raise UnusableResultError for simulated readings, unless the machine file is for practice."""
-    if given.measured.source.simulated and not (file and file.model.machine.practice):
+def file_to_record_in(
+    given: Input, file: StoredMachine | None, controller: ControllerFile | None
+) -> StoredMachine | None:
+    """The machine file that records what is entered; a new one where a printer has none yet.
+
+    None: there has to be one. Raises UsageError: only the controller's file would hold it;
+    UnusableResultError as `check_measured`.
+    """
+    if recording(given) == "elsewhere":
+        if controller is None:
+            path, machine = given.measured.source.path, given.machine_file
+            options = f"--format {given.model.machine.controller_formats[0]}"
+            shown = command("export", path, machine=machine, options=options)
+            written = command("apply", path, machine=machine, options="--to printer.cfg")
+            fault = "Its firmware keeps what it is given; nothing is recorded here."
+            raise UsageError(fault, f"See what to give it: {shown}\nOr write it: {written}")
+        file = file or new_machine_file(given.model, controller.target)
+    check_measured(given, file, to_controller=controller is not None)
+    return file
+
+
+def check_measured(
+    given: Input, file: StoredMachine | None = None, to_controller: bool = True
+) -> None:
+    """Raise UnusableResultError for what was practised: it goes into a file for practice only.
+
+    A machine file for practice describes no real machine, and may hold causes that were accepted
+    from simulated readings: what is judged by it never reaches a controller.
+    """
+    practice = file is not None and file.model.machine.practice
+    if given.measured.source.simulated and (to_controller or not practice):
         raise UnusableResultError(
             "These readings are simulated: no controller takes them, and only a machine file made"
             " for practice records them.",
             "Measure the machine; or practise in another folder: orthocal machine new --practice",
+        )
+    if to_controller and (practice or given.model.machine.practice):
+        raise UnusableResultError(
+            "The machine file was made for practice: it describes no real machine, and no"
+            " controller takes what is judged by it.",
+            "Name the file of the real machine (--machine FILE), or make it in another folder:"
+            " orthocal machine new",
         )
 
 
@@ -216,7 +298,7 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
     if file.model.machine.entered_from(given.measured.source.sha256):
         return "done"
     with suppress(UsageError, UnusableResultError):
-        check_measured(given, file)
+        check_measured(given, file, to_controller=False)
         _check_recordable(given, file)
         return "due"
     return "nowhere"

@@ -21,8 +21,8 @@ WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
 BETWEEN_GAUGES_S = 1.2
 AFTER_A_DRIVE_S = 2.0  # no machine is driven to another posture sooner [s]
-STREAM = 4  # messages in a row that were not asked for come from a gauge that sends by itself
-EVEN_S = 0.15  # so many at intervals equal to within this [s] are not pressed by anybody
+# So many messages, too soon or evenly spaced to within so much [s], are not pressed by anybody.
+STREAM, EVEN_S = 4, 0.15
 BY_HAND_S = 0.06  # a gauge, or one that acts as a keyboard, is faster [s per character]
 BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s]
 
@@ -57,55 +57,55 @@ class Unasked(NamedTuple):
 class DeadTime:
     """When something from one source arrives too soon to be meant; all times are monotonic [s].
 
-    After a reading, its source (the keyboard, or the gauges) is ignored for a while: second
-    presses, and gauges that never stop. What arrives in that time is no reading and no answer, and
-    starts it again, so that a gauge that sends all the time is always ignored.
+    After a reading, every source (the keyboard, the gauges) is ignored for a while: second presses.
+    What arrives in that time is no reading and no answer, and starts it again. A gauge that sends
+    by itself is known by its pace, and ignored until it is quiet.
     """
 
-    unasked: int = 0  # messages in a row that came too soon
-    after_reading: bool = False  # whether the first of them followed a reading from this source
     opens: float = -math.inf  # from when on a message counts
+    sends: bool = False  # by itself, until it is quiet
     _last: float = -math.inf  # the last reading or message
-    arrivals: dict[float, bool] = field(default_factory=dict)  # of messages; was it a reading
+    # The last messages that no hand typed: when, and whether each was too soon, or a reading.
+    _messages: tuple[tuple[float, bool, bool], ...] = ()
 
     def begin(self, at: float, driving: bool, mine: bool) -> None:
         """A reading arrived, from this source if `mine`; the machine may be driven now."""
-        self.unasked, self.after_reading, self._last = 0, mine, at
-        wait = AFTER_A_DRIVE_S if driving else BETWEEN_GAUGES_S
-        self.opens = max(self.opens, at + wait)
+        self._last = at
+        self.opens = max(self.opens, at + (AFTER_A_DRIVE_S if driving else BETWEEN_GAUGES_S))
+        if mine and self._messages:
+            self._messages = *self._messages[:-1], (at, False, True)
 
-    def is_early(self, begun: float, ended: float, length: int, shown: float) -> bool:
-        """True if a message cannot be meant for the question that stands there since `shown`.
-
-        It began and ended with its first character and its end; its length is 0 if nobody typed it.
-        """
-        by_hand = 0 < length * BY_HAND_S <= ended - begun
+    def is_early(self, begun: float, shown: float, by_hand: bool = False) -> bool:
+        """True if a message cannot be meant for the question that stands there since `shown`."""
         opens = self._last + BACK_AT_THE_KEYS_S if by_hand else self.opens
         return begun < max(opens, shown)
 
     def ignore(self, at: float) -> float | None:
         """A message was too soon; the time since the last one [s], None if only its prompt was."""
         gone = at - self._last if at < self.opens else None
-        if gone is None:
-            self.unasked, self.after_reading = 0, False
-        self.unasked += 1
         self._last, self.opens = at, max(self.opens, at + BETWEEN_GAUGES_S)
         return gone
 
-    def arrived(self, at: float) -> int | None:
-        """A message came from a gauge: how many of the last ones, all evenly spaced, were readings.
-
-        None if they are not evenly spaced, or too few.
-        """
-        self.arrivals = {**dict(list(self.arrivals.items())[1 - STREAM :]), at: False}
-        gaps = [late - early for early, late in pairwise(self.arrivals)]
-        # Faster ones come too soon anyway.
-        if len(gaps) < STREAM - 1 or max(gaps) - min(gaps) > EVEN_S or min(gaps) < 5.0 * EVEN_S:
+    def hear(self, at: float, early: bool, by_hand: bool) -> int | None:
+        """A message came: how many of the last ones were readings, if no hand keeps their pace."""
+        self._messages = () if by_hand else (*self._messages[1 - STREAM :], (at, early, False))
+        gaps = [late[0] - before[0] for before, late in pairwise(self._messages)]
+        if len(gaps) < STREAM - 1:
             return None
-        readings = sum(self.arrivals.values())
-        self.arrivals = dict.fromkeys(self.arrivals, False)
-        self.opens = max(self.opens, at + 2.0 * max(gaps))
+        even = max(gaps) - min(gaps) <= EVEN_S
+        if not even and not all(early for _, early, _ in self._messages[1:]):
+            return None
+        readings = sum(read for _, _, read in self._messages)
+        self._messages = tuple((then, True, False) for then, _, _ in self._messages)
+        self.opens = max(self.opens, at + max(2.0 * max(gaps), BETWEEN_GAUGES_S))
         return readings
+
+    def is_quiet(self, now: float) -> bool:
+        """True once, when a source that sent by itself does not send any more."""
+        quiet = self.sends and now >= self.opens
+        if quiet:
+            self.sends, self._messages = False, ()
+        return quiet
 
 
 @dataclass(eq=False)
@@ -123,7 +123,7 @@ class Asker:
     _prompt: str = ""
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
-    _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
+    _unasked: Unasked | None = None  # to be answered next
     _lost: bool = False  # the gauge does not answer, which was said
     _line_is_open: bool = False
 
@@ -173,9 +173,9 @@ class Asker:
             lines = f"{counted(len(typed), 'line')} typed before the prompt"
             self._break_in(f"ignored: {lines}", Style.ASIDE)
         for line in typed:
-            self._drop(line.text, line.ended, self._keys)
+            self._is_meant(line, self._keys)
         for item in heard:
-            self._drop(item.raw, self.clock(), self._gauges)
+            self._is_meant(Line(item.raw, self.clock(), self.clock()), self._gauges)
         gauge = self.gauge if step else None
         if gauge and step:
             gauge.begin(step, takes)
@@ -189,15 +189,11 @@ class Asker:
         return answer
 
     def _look(self, gauge: LiveGauge | None) -> str | Token | Unasked | None:
-        """One look at the keyboard, then at the gauge, if it is asked.
-
-        Of a source that sends by itself it is said once.
-        """
-        for source in (self._keys, self._gauges):
-            if source.unasked >= STREAM and self._sending is not source:
-                self._sending = source
-                self._end_line()
-                return Unasked(int(source.after_reading))
+        """One look at the keyboard, then at the gauge, if it is asked."""
+        if unasked := self._unasked:
+            self._unasked = None
+            self._end_line()
+            return unasked
         live = self.keyboard.live
         if self.keyboard.disturbed():
             self._end_line()
@@ -213,19 +209,17 @@ class Asker:
             self._line_is_open = False
             if not live:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
-            elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
-                self._drop(text, line.ended, self._keys)
+            elif not self._is_meant(line, self._keys):
                 return None
             if text or not gauge:
                 self._answered = line.ended, self._keys
                 return text
             self._asked = self.clock()
-        if self._sending and self.clock() >= self._sending.opens:
-            self._sending.unasked, self._sending = 0, None
+        if any(source.is_quiet(self.clock()) for source in (self._keys, self._gauges)):
             self._break_in("The gauge is quiet now.", Style.GOOD)
         return self._listen(gauge, line is not None) if gauge else None
 
-    def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
+    def _listen(self, gauge: LiveGauge, asked: bool) -> Token | None:
         now = self.clock()
         try:
             heard = gauge.poll(asked)
@@ -244,35 +238,36 @@ class Asker:
             self._asked = None
             self._break_in(gauge.silence, Style.BAD)
         for item in heard:
-            if self._strict and (readings := self._gauges.arrived(now)) is not None:
-                # At equal intervals: said once, and nothing of it is a reading.
-                known, self._sending = self._sending is self._gauges, self._gauges
-                self._end_line()
-                return None if known and not readings else Unasked(readings)
-            if self._gauges.is_early(now, now, 0, self._shown):
-                self._drop(item.raw, now, self._gauges)
-            elif item.value is None or item.elsewhere:
+            if not self._is_meant(Line(item.raw, now, now), self._gauges):
+                continue
+            if item.value is None or item.elsewhere:
                 why = item.elsewhere or "That is not a reading: nothing is recorded."
                 self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
             else:
                 if self.keyboard.live and self._strict:
                     self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
                     self._answered = now, self._gauges
-                    self._gauges.arrivals[now] = True
                 self._end_line()
                 return item
         return None
 
-    def _drop(self, text: str, at: float, source: DeadTime) -> None:
-        """Something came too soon: say so, unless that is known."""
+    def _is_meant(self, line: Line, source: DeadTime) -> bool:
+        """True if a message can be an answer; else it is said, of a gauge that sends just once."""
         if not self._strict:
-            return
-        gone = source.ignore(at)
-        if self._sending is source or source.unasked > STREAM:
-            return
-        when = "before the prompt" if gone is None else f"{gone:.2f} s after the one before"
-        name = visible(text.strip())[:24] or "Return"
-        self._break_in(f"ignored: {name} came {when}; if intended, give it again", Style.ASIDE)
+            return True
+        text, at = line.text.strip(), line.ended
+        by_hand = 0 < len(text) * BY_HAND_S <= at - line.begun
+        early = source.is_early(line.begun, self._shown, by_hand)
+        readings = source.hear(at, early, by_hand) if text or early else None
+        gone = source.ignore(at) if early else None
+        if readings is not None:
+            self._unasked = Unasked(readings) if readings or not source.sends else None
+            source.sends = True
+        elif early and not source.sends:
+            when = "before the prompt" if gone is None else f"{gone:.2f} s after the one before"
+            name = visible(text)[:24] or "Return"
+            self._break_in(f"ignored: {name} came {when}; if intended, give it again", Style.ASIDE)
+        return not early and readings is None
 
     def _end_line(self) -> None:
         """Go on below the line of the prompt, if it is open."""

@@ -1,12 +1,12 @@
 """The loop of a session: show a step, wait for an answer, check it, put it on the disk."""
 
+import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import InputError, command, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
@@ -26,13 +26,10 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
+from orthoglide_cal.session.gauges import Token, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
-from orthoglide_cal.words import Unit, counted, decimals_for, signed
-
-if TYPE_CHECKING:
-    from orthoglide_cal.results import Parameter
+from orthoglide_cal.words import Unit, counted, decimals_for
 
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
@@ -121,7 +118,8 @@ class Dialogue:
             elif self.so_far.left:
                 self._ask_for(self.so_far.left[0])
             else:
-                reason = next(iter(self.state.dropped.values()), "complete")
+                whole = "ended" if self.state.skipped else "complete"
+                reason = next(iter(self.state.dropped.values()), whole)
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
@@ -145,8 +143,7 @@ class Dialogue:
         if kept and live and self.state.ended:
             self.asker.say(f"Questioned and kept: {', '.join(kept)}.", Style.QUESTION)
             for word in self._words("Retake which (such as r 14)? Return: none > ").split():
-                if word.lower() != "r":
-                    self._retake(word, last)
+                self._retake(word, last)
 
     def publish(self) -> None:
         """Write the session file, and say so; a second time changes nothing.
@@ -179,18 +176,6 @@ class Dialogue:
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
-
-    def reveal(self, parameters: "Sequence[Parameter]") -> None:
-        """Say, after a simulated session, what was hidden, and if it was found."""
-        if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
-            return
-        hidden: list[str] = []
-        result = "all lie within U"
-        for parameter, value in zip(parameters, gauge.offsets_mm.tolist(), strict=True):
-            hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
-            if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
-                result = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"True offsets: {' '.join(hidden)} mm; {result}.")
 
     # ---- what is asked
 
@@ -290,8 +275,15 @@ class Dialogue:
             self._receive(answer, step)
 
     def _agrees(self, prompt: str) -> bool:
-        """True if a question is answered with yes; anything else is no."""
-        return self._words(prompt).lower() in ("y", "yes")
+        """True if a question is answered with yes, False with no or Return; else it is asked again.
+
+        Raises Quit.
+        """
+        while (answer := self._words(prompt).lower()) not in ("y", "yes"):
+            if answer in ("", "n", "no"):
+                return False
+            self.asker.say("Type y or n.")
+        return True
 
     def _words(self, prompt: str) -> str:
         """The answer to a question that wants words. Raises Quit."""
@@ -500,7 +492,7 @@ class Dialogue:
 
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
-        which, _, reason = words.partition(" ")
+        which, _, reason = re.sub(r"^r\b *", "", words, flags=re.IGNORECASE).partition(" ")
         if not which:
             return
         state, steps, leg = self.state, self.setting.steps, which.lower() in AXES

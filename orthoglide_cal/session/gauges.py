@@ -199,7 +199,7 @@ class SerialPort:
         except (OSError, ValueError) as error:
             raise GaugeLost(
                 f"The gauge on {self.port} cannot be reached: {_reason(error)}.",
-                "Check its cable, or end with q and resume with another --gauge.",
+                "Check its cable, and the name of the port after --gauge.",
             ) from error
         self._rest = b""
         return self._line

@@ -160,8 +160,9 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
         first, options, model = _recommended(request.following, request)
     model = _holding(model, request.offsets_mm)
     source, seed = _source(request, first)
-    also = ", and shall this be measured now" if first else ""
-    while True:
+    confirmed: Model | None = None
+    while confirmed is not model:  # what was typed is shown, and asked once more
+        model = confirmed or model
         if first:
             offsets = model.machine.active
             plan, following, change = planned_next(first, options, request, offsets)
@@ -172,31 +173,8 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
             asker.say(doubt, Style.BAD)
         if following:
             asker.say(following.words, Style.TITLE)
-        if request.agreed or not asker.keyboard.live:
-            break
-        asker.say(
-            f"Is it this machine, with these offsets in its controller{also}? Return: yes.  n: no."
-            "  Other offsets: type the three, in mm.",
-            Style.QUESTION,
-        )
-        answer = asker.ask("Return, n, or the three offsets > ")
-        match answer.lower() if isinstance(answer, str) else "?":
-            case "" | "y" | "yes":
-                break
-            case "q" | "quit":
-                raise EOFError
-            case "n" | "no":
-                remedy = "Name the file of your machine, --machine FILE, or make one:"
-                raise UsageError("Nothing was begun.", f"{remedy} orthocal machine new")
-            case "?" | "help":
-                pass  # machine and question once more
-            case text:
-                try:
-                    parts = text.replace(";", " ").split()
-                    offsets = tuple(parse_number(part, decimal_comma=True) for part in parts)
-                    model = _holding(model, offsets)
-                except OrthocalError as error:
-                    asker.say(str(error), Style.BAD)
+        silent = request.agreed or not asker.keyboard.live
+        confirmed = model if silent else _confirmed(model, first is not None, asker)
     if first:
         # What others are joined to keeps the machine as it was for the first of them.
         model = first.model
@@ -212,6 +190,38 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     readings = tuple(step.cell for step in steps)
     planned = events.Planned(at=opened.at, readings=readings, following=following)
     return [opened, planned] if version == 2 else [opened]
+
+
+def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
+    """The machine once it is agreed to, or with the offsets that are typed instead.
+
+    `also`: to measure what is recommended. Raises UsageError: it is another machine; EOFError.
+    """
+    question = (
+        "Is it this machine, with these offsets in its controller"
+        f"{', and shall this be measured now' * also}? Return: yes.  n: no."
+        "  Other offsets: type the three, in mm."
+    )
+    asker.say(question, Style.QUESTION)
+    while True:
+        answer = asker.ask("Return, n, or the three offsets > ")
+        match answer.lower() if isinstance(answer, str) else "?":
+            case "" | "y" | "yes":
+                return model
+            case "q" | "quit":
+                raise EOFError
+            case "n" | "no":
+                remedy = "Name the file of your machine, --machine FILE, or make one:"
+                raise UsageError("Nothing was begun.", f"{remedy} orthocal machine new")
+            case "?" | "help":
+                asker.say(question, Style.QUESTION)
+            case text:
+                try:
+                    parts = text.replace(";", " ").split()
+                    offsets = tuple(parse_number(part, decimal_comma=True) for part in parts)
+                    return _holding(model, offsets)
+                except OrthocalError as error:
+                    asker.say(str(error), Style.BAD)
 
 
 def planned_next(

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.estimation import free_arms
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
@@ -76,10 +77,10 @@ def answered(path: Path, data: str, later: Path | None = None) -> Found:
     Other data of the same file are judged by themselves.
     """
     try:
-        given = replace(read_input(str(path), stored=data), others=())
+        given = replace(free_arms(read_input(str(path), stored=data)), others=())
         known: dict[str, Any] = {}
         if later:
-            held = read_input(str(later), stored=data)
+            held = free_arms(read_input(str(later), stored=data))
             known = {"holdout": held.measured, "then": held.model, "recalibrated": True}
         diagnosis = diagnose(given.measured, given.model, **known)
         return Case(given, answer_to(given, diagnosed=diagnosis)).data()

@@ -121,6 +121,35 @@ def test_undo_takes_the_last_entry_back() -> None:
     assert len(history()) == 1
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("\n", "\r\n"),
+        ("\\A", "\ufeff"),
+        ("\\Z", "history: []\n"),
+        ("\\Z", "history: []  # none yet"),
+        ("\\Z", "complete: true"),
+        ("\\A", "history: []\n# The machine:\n"),
+        ("offsets_mm: .*", "offsets_mm: {x: 0, y: +0.000, z: 0.} # now"),
+        ("offsets_mm: .*", "offsets_mm:\n  x: 0 # of x\n  y: 0e0\n\n  z:   -0.0\n"),
+        ("offsets_mm: .*\n", ""),
+    ],
+)
+def test_undo_leaves_the_bytes_that_were_there(old: str, new: str) -> None:
+    path, text = Path("machine.yaml"), Path("machine.yaml").read_text(encoding="utf-8")
+    path.write_bytes(re.sub(old, new, text).encode())
+    before = path.read_bytes()
+    applied()
+    once = path.read_bytes()
+    assert len(history()) == 1
+    measured_again(moved=0.1)
+    done("apply", "after.csv", "--yes")
+    assert len(history()) == 2
+    for left in (once, before):
+        done("apply", "--undo", "--yes")
+        assert path.read_bytes() == left
+
+
 @pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused_to_apply.txt")))
 def test_what_is_refused_changes_nothing(line: str) -> None:
     Path("few.csv").write_text(UNDETERMINED, encoding="utf-8")

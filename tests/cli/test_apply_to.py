@@ -278,6 +278,21 @@ def test_what_was_simulated_reaches_no_machine(form: str) -> None:
     assert len(history()) == 1
 
 
+def test_a_machine_file_for_practice_reaches_no_controller() -> None:
+    """Real readings are recorded in it; a controller takes what a real machine's file judges."""
+    Path("machine.yaml").rename("mill.yaml")
+    real = Path("mill.yaml").read_bytes()
+    Path("machine.yaml").write_bytes(real + b"practice: true\n")
+    by = "--machine", "machine.yaml"
+    for command in (["export"], ["apply", "--to", "mill.ini", "--yes"]):
+        assert "made for practice" in refused(4, *command, "before.csv", *by)
+    assert Path("mill.ini").read_text(encoding="utf-8") == INI
+    done("apply", "before.csv", *by, "--yes")
+    assert len(history()) == 1
+    done("apply", "before.csv", "--to", "mill.ini", "--yes", "--machine", "mill.yaml")
+    assert Path("mill.ini").read_text(encoding="utf-8") != INI
+
+
 def measured_at(machine: LinuxCnc, name: str, seed: int) -> None:
     """Gauges read by the independent truth where a controller's carriages really stand.
 

@@ -159,6 +159,9 @@ def test_two_printers_in_one_folder_have_two_machine_files() -> None:
 
 def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:
     Path("printer.cfg").write_bytes(GOOD)
+    assert "Or write it: orthocal apply printer.cfg --to" in refused(
+        2, "apply", "printer.cfg", "--yes"
+    )
     stands = "For the same Z the nozzle stands 0."
     assert stands in words(run("report", "printer.cfg").stdout)
     said = done("apply", "printer.cfg", "--to", "printer.cfg", "--yes")

@@ -26,7 +26,7 @@ def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
     before = Path("machine.yaml").read_bytes()
     for options, answers in (((DOUBLE,), "n"), ((DOUBLE,), "y"), (("--undo",), "n")):
         with Terminal(tmp_path, *options, command=("apply",), agreed=False) as terminal:
-            terminal.expect(r"\[y/N\]: ")
+            terminal.expect(r"y/n > ")
             assert "Entered" not in terminal.seen
             assert "Taken back" not in terminal.seen
             unasked = Path("machine.yaml").read_bytes()

@@ -55,6 +55,8 @@ def changed(
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.361"):
         changed(of(tmp_path, INI.replace("-12.25", "999999")), y=1.361)
+    with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.336"):
+        changed(of(tmp_path, INI.replace("-12.25", "999999")), {"backlash": {"y": 0.05}}, y=1.361)
 
 
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])

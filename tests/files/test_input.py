@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -90,6 +91,16 @@ def test_fine_files():
     assert result.exit_code == 0
     assert "6 differences, max − min, fine" in result.stdout
     assert "machine 'Orthoglide large', fine" in result.stdout
+
+
+def test_a_file_of_an_implausible_gauge_is_not_called_fine(tmp_path):
+    text = Path(LARGE).read_text(encoding="utf-8")
+    path = tmp_path / "machine.yaml"
+    path.write_text(re.sub("repeatability_mm: .*", "repeatability_mm: 6", text), encoding="utf-8")
+    result = run("validate", str(path), SIX, "--machine", str(path))
+    assert result.exit_code == 0
+    assert result.stdout.count(", no fault, but see the notes") == 2
+    assert "fine" not in result.stdout
 
 
 def test_all_faults_are_shown_in_lines_that_are_not_wrapped(bad):

@@ -11,13 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import (
     default_machine,
+    machine_file_in,
     machine_from_text,
     machine_in,
     machine_text,
     machine_values,
+    with_history,
 )
 from orthoglide_cal.files.readings import Session, session_text
 from orthoglide_cal.files.yaml_tree import load_tree
@@ -48,6 +51,15 @@ def test_what_an_earlier_version_recorded_is_read():
     (kept,) = machine_values(model)["history"]
     assert kept["written"]["target"] == "m.ini"
     assert "live" not in kept["written"]
+
+
+def test_what_could_not_be_read_again_is_not_recorded() -> None:
+    """159.9 mm and 0.2 mm more are beyond the travel."""
+    file = machine_file_in(load_tree(document(TEXT.replace("{x: 0,", "{x: 159.9,"))))
+    before, after = ({"x": x, "y": 0.0, "z": 0.0} for x in (159.9, 160.1))
+    entry = Entered(date="2025-01-31", before=before, after=after, data_sha256=DIGEST)
+    with pytest.raises(InputError, match="larger than the travel"):
+        with_history(file, after, None, entry)
 
 
 def read(text: str) -> Model:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation import free_arms, solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.klipper import read_printer_file
 from orthoglide_cal.files.text import document_from_bytes
@@ -214,7 +214,7 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
     """Arms agree; the others, weighted by what is stated of calliper and probe, within U/5."""
     truth = replace(OFF, arms=np.array([0.6, -0.4, 0.3]))
     text = printer_cfg(V400, truth, noise=noise, sections="c", many=True)
-    given = read_input(saved(tmp_path, text, "printer.cfg"))
+    given = free_arms(read_input(saved(tmp_path, text, "printer.cfg")))
     (arms,) = given.model.accepted
     solution = solve(given.measured, given.model)
     expected = klipper_fit(V400, text)
@@ -224,7 +224,7 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
     assert np.abs(expected[6:] - V400.arms).max() > 0.5
     # Three distances would fit any arms.
     few = saved(tmp_path, printer_cfg(V400, truth, sections="c"), "few.cfg")
-    assert read_input(few).model.accepted == ()
+    assert free_arms(read_input(few)).model.accepted == ()
 
 
 def test_a_block_that_klipper_drops_is_told_when_the_file_is_only_read() -> None:

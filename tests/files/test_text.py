@@ -25,6 +25,7 @@ def test_bom_and_line_ends():
         (b"leg\r\nx\0y\n", "NUL", 2),
         ("leg\n\nµ\n".encode("latin-1"), "not UTF-8", 3),
         (b"PK\x03\x04rest", "spreadsheet", None),
+        (b"\x89PNG\r\n\x1a\nIHDR", "no text file", None),
         (b"", "empty", None),
         (b" \n\n", "empty", None),
         (b"a\nb\x1b[31m\n", "control character", 2),

@@ -12,7 +12,8 @@ from .terminal import SerialLine, finished
 @pytest.fixture(scope="session")
 def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("first")
-    finished(folder, "a.yaml", "--cycles", "1", *SIMULATED)
+    gauges = ("--gauge-id", "A", "--gauge-id", "B")
+    finished(folder, "a.yaml", "--cycles", "1", *gauges, *SIMULATED)
     return folder / "a.yaml"
 
 

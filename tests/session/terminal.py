@@ -21,7 +21,7 @@ PROGRAM = "from orthoglide_cal.cli import main; main()"
 # The same without dead times, for tests of something else that answer at once.
 AT_ONCE = (
     "from orthoglide_cal.session import asking;"
-    "asking.BETWEEN_GAUGES_S = asking.AFTER_A_DRIVE_S = 0.0;" + PROGRAM
+    "asking.BETWEEN_GAUGES_S = asking.AFTER_A_DRIVE_S = 0.0; asking.STREAM = 1000;" + PROGRAM
 )
 # The last thing on the screen, perhaps followed by the end of a colour.
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")

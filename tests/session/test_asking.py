@@ -228,10 +228,17 @@ def test_a_gauge_that_sends_by_itself_is_recognised(period: float, typed: bool) 
 
 
 @pytest.mark.parametrize("period", [1.5, 2.5, 6.0])
-def test_a_slow_stream_is_recognised_by_its_even_pace(period: float) -> None:
+@pytest.mark.parametrize("typed", [True, False])
+def test_a_slow_stream_is_recognised_by_its_even_pace(period: float, typed: bool) -> None:
     """What it had sent before is taken back, and nothing of it is heard from then on."""
-    asker, _, _ = at((9.0, None, []), *[(period, None, [READ])] * 13)
+    look = (period, "0.41", []) if typed else (period, None, [READ])
+    asker, _, _ = at((9.0, None, []), *[look] * 13, gauge=not typed)
     assert taken_until_it_is_recognised(asker) == STREAM - 1
+
+
+def test_a_fast_stream_is_recognised_without_an_even_pace() -> None:
+    looks = [(period, None, [READ]) for period in (9.0, 0.3, 0.9, 0.2, 1.0, 0.4, 0.8)]
+    assert taken_until_it_is_recognised(at((9.0, None, []), *looks)[0]) == 1
 
 
 def test_presses_at_a_persons_pace_are_heard() -> None:
@@ -305,16 +312,34 @@ def test_what_came_before_its_prompt_follows_no_reading() -> None:
     dead = DeadTime()
     dead.begin(100.0, driving=False, mine=True)
     assert dead.ignore(100.9) == pytest.approx(0.9)
-    assert (dead.unasked, dead.after_reading) == (1, True)
     assert dead.ignore(dead.opens) is None
-    assert (dead.unasked, dead.after_reading) == (1, False)
 
 
-def test_a_hand_is_told_from_a_gauge_by_its_pace() -> None:
-    dead = DeadTime()
-    dead.begin(100.0, driving=True, mine=True)
-    slow, fast = 5 * 1.1 * BY_HAND_S, 5 * 0.9 * BY_HAND_S
-    assert not dead.is_early(100.4, 100.4 + slow, 5, shown=100.1)
-    assert dead.is_early(100.4, 100.4 + fast, 5, shown=100.1)
-    assert dead.is_early(100.2, 100.2 + slow, 5, shown=100.1)  # no hand is back so soon
-    assert dead.is_early(100.4, 100.4 + slow, 5, shown=100.5)  # before its prompt
+@pytest.mark.parametrize(
+    ("chars", "seconds", "begun", "taken"),
+    [
+        (5, 1.1, 100.4, True),
+        (5, 0.9, 100.4, False),
+        (5, 1.1, 100.2, False),
+        (5, 1.1, 100.05, False),
+    ],
+)
+def test_a_hand_is_told_from_a_gauge_by_its_pace(
+    chars: int, seconds: float, begun: float, taken: bool
+) -> None:
+    """It is not back at the keys at once, and what it began before the prompt is no answer."""
+    asker, _, scene = at(gauge=False)
+    asker._shown = 100.1
+    asker._keys.begin(100.0, driving=True, mine=True)
+    line = Line(chars * "1", begun, begun + chars * seconds * BY_HAND_S)
+    assert asker._is_meant(line, asker._keys) == taken
+    assert not scene.log
+
+
+def test_what_a_hand_types_evenly_is_no_stream() -> None:
+    asker, _, _ = at(gauge=False)
+    asker._shown = 0.0
+    for begun in (100.0, 103.0, 106.0, 109.0, 112.0):
+        assert asker._is_meant(Line("-0.12", begun, begun + 0.6), asker._keys)
+        asker._answered = begun, asker._keys
+        asker.rest(driving=True)

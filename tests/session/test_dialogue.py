@@ -160,7 +160,7 @@ def test_retake_of_a_leg_whose_stand_has_moved_is_the_whole_set_up(tmp_path: Pat
     right = typed(readings_of(steps_of()))
     dialogue, _ = answered(tmp_path / "s.journal", [*right[:42], "r 3", "n"])
     assert len(values(dialogue)) == 42
-    dialogue, _ = answered(tmp_path / "s.journal", ["r 3", "y"])
+    dialogue, _ = answered(tmp_path / "s.journal", ["r", "r 3", "y"])
     # Leg Y was complete and stays; the stands of leg Z have to be moved for leg X.
     assert sorted(values(dialogue)) == list(range(21, 41))
     assert len(replaced(dialogue)) == 22
@@ -319,7 +319,9 @@ ENDED = "the session was ended"
 
 @pytest.mark.parametrize("answer", ["yes", "n", "0.41", "why"])
 def test_s_all_ends_the_session_only_after_yes(tmp_path: Path, answer: str) -> None:
-    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "s all", answer, "0.41"])
+    clear = [] if answer in ("yes", "n") else ["n"]  # it is asked again until it is clear
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "s all", answer, *clear, "0.41"])
+    assert screen.text.count("Type y or n.") == len(clear)
     assert "59 readings are missing." in screen.text
     assert ("End the session here? y/n > ", Style.PROMPT) in screen.shown
     ends = answer.startswith("y")

@@ -103,6 +103,10 @@ def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None
     assert new.plan.parts == 1
     assert new.plan.entered[24:].tolist() == [[0.3, 0.0, 0.0]] * (len(new) - 24)
     assert new.plan.setups == 6
+    # The stands stay where they are, and so do the gauges on them, though nobody names them again.
+    directions = zip(new.plan.leg.tolist(), new.plan.direction.tolist(), strict=True)
+    stand_b = [direction > min({0, 1, 2} - {leg}) for leg, direction in directions]
+    assert list(new.gauge) == ["AB"[second] for second in stand_b]
     iso = (new.plan.leg == 2) & (new.plan.direction == 0) & (new.plan.displacement == 0.0)
     stepped = new.plan.entered[:, 0] > 0.0
     seen = new.value[iso & stepped].mean() - new.value[iso & ~stepped].mean()

@@ -85,10 +85,11 @@ def check_document(
     checked = check.changed(refused=str(refused) if refused else None)
     path, kind = file_words(check.input.path), check.input.kind
     lines = [f"{path}: {counted(len(check.problems), 'fault')}"]
+    word = "no fault, but see the notes" if check.doubtful else "fine"
     if kind == "machine":
-        lines = [f"{path}: machine {check.machine!r}, fine"]
+        lines = [f"{path}: machine {check.machine!r}, {word}"]
     elif check.valid and kind is not None:
-        word = "which give no offsets" if refused else "fine"
+        word = "which give no offsets" if refused else word
         data = data_words(source, kind, check.input.readings)
         data += ", SIMULATED" if check.simulated else ""
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
@@ -104,10 +105,10 @@ def check_document(
     return doc.Document(partial(checked.model_dump, mode="json", context=sentence), lambda: page)
 
 
-def application_document(application: Application, live: bool) -> doc.Document:
+def application_document(application: Application) -> doc.Document:
     """The offsets in the controller from now on, and what comes next.
 
-    As data what changes in the machine file [mm]. A `live` controller is told without a restart.
+    As data what changes in the machine file [mm].
     """
     entry, machine, given = application.entry, application.file.model.machine, application.given
     undone, written, controller = application.undone, application.written, application.controller
@@ -147,7 +148,7 @@ def application_document(application: Application, live: bool) -> doc.Document:
             names = ", ".join(Path(table.path).name for table in written.tables)
             held = any(line.key.endswith("BACKLASH") for line in written.values)
             caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
-        restarts = controller.format == "linuxcnc" and not live
+        restarts = controller.format == "linuxcnc" and not application.live
         first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
     sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
     if application.corrections:
