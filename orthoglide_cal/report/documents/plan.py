@@ -131,8 +131,7 @@ def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
-    chosen = plan.chosen
-    typed = partial(_command, machine=machine_file, begun=begun)
+    chosen, typed = plan.chosen, partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
         yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
