@@ -120,12 +120,6 @@ def test_values_are_those_asked_for_and_every_comment_outside_them_stays(text: s
         assert (comment in new) == (comment in text)
 
 
-@pytest.mark.parametrize("text", ["history:\n- {a: 1}\n- a: 2\n", "history: # h\n  - a: 1\nn: 1\n"])
-def test_a_list_is_emptied(text: str) -> None:
-    new = edited(text, {("history",): []})
-    assert yaml.safe_load(new) == {**yaml.safe_load(text), "history": []}
-
-
 @pytest.mark.parametrize(
     "text",
     [
