@@ -293,9 +293,9 @@ def signed_page(
         number=identity.number,
         facts=doc.Facts((*stated(machine, OWNER), number, issued)),
         sheet=[doc.Section(None, strip)],
-        scope=f"The results relate only to the machine and the {words.instruments} named here, as"
-        f" they were when measured, and to the {words.positions} and conditions stated. The report"
-        " is valid only with all its pages: reproduce it only in full.",
+        scope="The results relate only to the machine and the instruments named here, as they were"
+        f" when measured, and to the {words.positions} and conditions stated. The report is valid"
+        " only with all its pages: reproduce it only in full.",
         simulated=simulated,
     )
 

@@ -131,8 +131,7 @@ def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
-    chosen, machine = plan.chosen, plan.model.machine
-    typed = partial(_command, machine=machine_file, begun=begun)
+    chosen, typed = plan.chosen, partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
         yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
@@ -147,8 +146,6 @@ def _to_do(
         yield doc.step("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
         yield doc.step("Measure it", typed(chosen))
-    elif not chosen.plan.touches.all():
-        yield machine.vocabulary.probing
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.step(text, typed(chosen))
