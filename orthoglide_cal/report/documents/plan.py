@@ -154,7 +154,7 @@ def _to_do(
         design = plan.design
         if design is not None and design.name != chosen.name:
             surely = "" if (design.rivals_sigma or 0.0) >= CERTAIN_SIGMA else ", if not surely"
-            rivals = " from ".join(machine.rivals)
+            rivals = " from ".join(plan.model.machine.rivals)
             size = f"{design.readings} readings, {design.minutes:.0f} min"
             yield doc.step(f"Or distinguish {rivals}{surely}: {size}", typed(design))
 
