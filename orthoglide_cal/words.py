@@ -7,6 +7,7 @@ has a true minus (`signed`); what may be typed or pasted has an ASCII "-" (`plai
 import math
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
 from enum import StrEnum
 
 # The first line of all that is made of simulated readings.
@@ -119,6 +120,11 @@ def typed(value: float, decimals: int) -> str:
     return written if written.startswith("-") or not float(written) else f"+{written}"
 
 
+def number(value: float) -> str:
+    """As few digits as it has: the number of an axis, or one that somebody stated."""
+    return f"{value:g}".replace("-", "−")
+
+
 def two_figures(value: float) -> str:
     """Two significant figures, at most four decimals.
 
@@ -153,6 +159,16 @@ def percent(share: float, decimals: int = 0) -> str:
     if 0.0 < share < step:
         return f"< {100.0 * step:.{decimals}f} %"
     return f"{100.0 * share:.{decimals}f} %"
+
+
+def moment_words(time: datetime) -> str:
+    """Date, time to the minute, and the zone where it is known.
+
+    >>> moment_words(datetime.fromisoformat("2026-03-02T08:15:10.250+01:00"))
+    '2026-03-02 08:15 +01:00'
+    """
+    zone = "" if time.tzinfo is None else f" {str(time)[-6:]}".replace("+00:00", "UTC")
+    return f"{time:%Y-%m-%d %H:%M}{zone}"
 
 
 def coverage_words(k: float) -> str:

@@ -197,7 +197,7 @@ HTML = option("FILE", "Write one HTML page that needs no other files; - is stand
 MARKDOWN = option("FILE", "Write Markdown; - is standard output.")
 OVERWRITE = flag("--overwrite", "Replace a page that orthocal wrote before.")
 DETAILS = flag("--details", "Show everything. Default: one screen.")
-JSON = flag("--json", "Print JSON: one object for each file, one per line.")
+JSON = flag("--json", "Print JSON, one object per line.")
 
 
 def asked_session(

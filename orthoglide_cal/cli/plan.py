@@ -68,9 +68,9 @@ def plan(
             remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * guided}."
             raise UsageError(f"The name {program} does not say what to write.", remedy)
         if session is None:
-            if template or order:
+            if template:
                 fault = "A printer's places are written as a table."
-                raise UsageError(fault, "Leave these options out.")
+                raise UsageError(fault, "Leave out --template.")
             message = f"{len(chosen.plan)} places written to {program}: {chosen.what}. Fill in"
             message += " reading_mm, the height at which the probe triggers, bed mesh off."
             common.put(places_csv(chosen.plan), program, message)

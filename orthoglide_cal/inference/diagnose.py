@@ -631,9 +631,10 @@ class Diagnosis(Decision):
         # Otherwise the answer follows anything.
         if len(white) > fit.offsets.size + sum(cause.freedom for cause in causes):
             noise, left = machine.instrument.noise_mm, white.rms(fit.left)
-            beyond = math.sqrt(max(left**2 - noise**2, 0.0))
-            sizes = {"left_mm": left, "noise_mm": min(noise, left), "beyond_mm": beyond}
-            yield Reason.of("local_residual", **sizes)
+            if left > noise:
+                sizes = {"left_mm": left, "noise_mm": noise}
+                beyond = math.sqrt(left**2 - noise**2)
+                yield Reason.of("local_residual", **sizes, beyond_mm=beyond)
 
 
 def fits_at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:

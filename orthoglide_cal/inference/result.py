@@ -10,11 +10,12 @@ from pydantic import Field, computed_field
 
 from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
+from orthoglide_cal.estimation.solution import judgement_of
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan, Where
-from orthoglide_cal.schema import Minutes, Schema, Sentence
+from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 
 # Probability from which it is told that nothing may be wrong at all: to read it costs less than to
 # look in vain for a fault.
@@ -134,6 +135,11 @@ class LackOfFit(Schema):
     expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
     noise_mm: float = Field(description="standard deviation of one reading, as stated")
     residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
+
+    @property
+    def judgement(self) -> Reason:
+        """Statement on whether the residuals are what this gauge's noise would give."""
+        return judgement_of(self.p_value if self.dof else None, self.residual_mm, self.noise_mm)
 
 
 class FoundCause(Schema):

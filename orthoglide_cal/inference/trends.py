@@ -215,7 +215,11 @@ def _fit(data: DatedValues, acting: Trends) -> tuple[float, TrendFit]:
         log += others.one_more(part.trend)[0] + others.log_evidence - best.log_evidence
     log += sum(math.log(p if trend in acting else 1.0 - p) for trend, p in PRIOR.items())
     steps = sum(part.trend is Trend.CHANGED for part in parts)
-    free = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
+    # Steps between the same two sessions are one, of all parameters that change there.
+    moved: dict[tuple[Trend, int], set[int]] = {}
+    for part in sorted(parts, key=lambda part: part.at):
+        moved.setdefault((part.trend, part.at), set()).update(part.subset)
+    free = [Part(*place, tuple(sorted(subset)), FREE) for place, subset in moved.items()]
     return log + max(steps - 1, 0) * LOG_FURTHER, TrendFit(data, free, scatter)
 
 

@@ -23,6 +23,7 @@ from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     decimals_for,
+    moment_words,
     plain,
     short,
     signed,
@@ -43,6 +44,7 @@ INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 # What the owner of a machine wrote for its reports: who and which; how and with what.
 OWNER = ("organisation", "address", "place", "customer", "serial_number")
 MEANS = ("method", "traceability", "authorised_by", "gauge_due")
+LARGEST_OFFSET = 10.0  # beyond it a length or an angle is no offset
 _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
@@ -193,8 +195,9 @@ def check_words(check: CheckReading) -> str:
 
 
 def size_words(value: float, expanded: float, unit: str) -> str:
-    """Value ± U, with the unit; whole numbers have no U."""
+    """Value ± U, with the unit; whole numbers have no U, and what is no offset has no "+"."""
     number = with_uncertainty(value, expanded) if expanded else signed(value, 0)
+    number = number.removeprefix("+") if abs(value) > LARGEST_OFFSET else number
     return f"{number} {unit_words(unit)}".rstrip()
 
 
@@ -279,7 +282,7 @@ def signed_page(
     """
     words = machine.vocabulary
     number = ("Number", doc.code(identity.number))
-    issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
+    issued = ("Issued", moment_words(identity.issued))
     first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
@@ -332,9 +335,5 @@ def _conditions(of: InputFile, validity: Validity, noted: Sequence[str]) -> dict
 
 
 def moment(written: str | None) -> doc.Marked | None:
-    """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
-    if written is None:
-        return None
-    time = datetime.fromisoformat(written)
-    zone = f" {str(time)[-6:]}" if time.tzinfo else ""
-    return doc.given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")
+    """An ISO 8601 time, as people read it."""
+    return None if written is None else doc.given(moment_words(datetime.fromisoformat(written)))

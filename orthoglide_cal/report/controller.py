@@ -23,7 +23,14 @@ from orthoglide_cal.report.case import Case, check_words
 from orthoglide_cal.report.sentences import FIRMWARES
 from orthoglide_cal.results import Identity
 from orthoglide_cal.schema import Reason
-from orthoglide_cal.words import coverage_words, plain, two_figures, typed, uncapitalized
+from orthoglide_cal.words import (
+    coverage_words,
+    moment_words,
+    plain,
+    two_figures,
+    typed,
+    uncapitalized,
+)
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
 
@@ -45,7 +52,7 @@ def exported(format: str, case: Case, identity: Identity) -> str:
         notes = _notes(format, new, case)
     head = [
         f"{words.title} for {case.machine.name}, {identity.number}",
-        f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
+        f"Issued {moment_words(identity.issued)} by {identity.software}",
         f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
         *(["FORCED: this result must not be used."] if release.reasons else []),
         *map(case.says, release.reasons),

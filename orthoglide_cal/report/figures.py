@@ -19,7 +19,7 @@ from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report.case import size_words
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.results.answer import Shim
-from orthoglide_cal.words import plain, signed, two_figures
+from orthoglide_cal.words import number, plain, signed, two_figures
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
@@ -59,11 +59,6 @@ def round_up(size: float, *factors: float) -> float:
     power = 10.0 ** math.floor(math.log10(size))
     sizes = (factor * power for factor in (*factors, 10.0))
     return next(candidate for candidate in sizes if candidate >= size * (1.0 - 1e-9))
-
-
-def number(value: float) -> str:
-    """A number of an axis."""
-    return f"{value:g}".replace("-", "−")
 
 
 def svg(
@@ -225,16 +220,14 @@ def workspace_maps(
     limits = class_limits(max(float(error.max()) for _, error, *_ in views))
     across = Scale(*ends, 0.0, _SIZE)
     for when, error, worst_mm, (x_mm, y_mm, z_mm) in views:
-        most = two_figures(worst_mm)
-        finding = f"Tool-position error in a slice of the workspace, {when}. It is at most"
-        finding += f" {most} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
+        finding = f"Tool-position error in a slice of the workspace, {when}. In the whole cube at"
+        finding += f" most {two_figures(worst_mm)} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
         for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
             title = f"{when}, z = {number(round(level))} mm"
             body = [
                 *_cells(_classes(error[k], limits)),
                 *([] if limit_mm is None else _contour(error[k] > limit_mm)),
                 words(2.0, 14, title, class_="strong"),
-                words(_LEFT + _SIZE, 14, f"≤ {most}", "end"),
                 *_axes(_LEFT, _ABOVE, _SIZE, ends),
             ]
             if abs(z_mm - level) < 1e-6:
@@ -268,7 +261,12 @@ def _contour(beyond: Bools) -> Iterator[Html]:
 
 
 def bed_map(
-    title: str, place_mm: Floats, left_mm: Floats, bed: Bed, largest_um: float | None = None
+    title: str,
+    place_mm: Floats,
+    left_mm: Floats,
+    bed: Bed,
+    largest_um: float | None = None,
+    ringed: Bools | None = None,
 ) -> Html:
     """Residuals of the touches of a bed.
 
@@ -278,6 +276,7 @@ def bed_map(
         left_mm: measured − modelled, shape (n,).
         bed: its radius, and the directions of towers a, b and c.
         largest_um: the end of the scale of several maps; None: of this one.
+        ringed: touches that are wrong, shape (n,); None: those that stand out.
     """
     reach = max(float(np.abs(place_mm).max(initial=1.0)), bed.radius_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
@@ -294,9 +293,10 @@ def bed_map(
         *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
     ]
     places = (np.array([x0, y0]) + scale * place_mm * [1.0, -1.0]).tolist()
-    for (x, y), k, ringed in zip(places, _classes(microns, limits), out, strict=True):
+    ringed = out if ringed is None else ringed
+    for (x, y), k, rings in zip(places, _classes(microns, limits), ringed, strict=True):
         body.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
-        body += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
+        body += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if rings else []
     body.append(words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"))
     for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
         away = _BED / 2 + 12
@@ -305,7 +305,7 @@ def bed_map(
     largest = int(np.argmax(np.abs(microns)))
     x_mm, y_mm = place_mm[largest]
     finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
-    finding += f" at X{x_mm:.0f} Y{y_mm:.0f}; {int(out.sum())} stand out, ringed."
+    finding += f" at X{x_mm:.0f} Y{y_mm:.0f}; {int(ringed.sum())} ringed."
     return svg(324.0, _OVER + _BED + 58.0, title, finding, body)
 
 

@@ -15,9 +15,10 @@ from orthoglide_cal.report.escape import Html, join, tag
 
 _COLUMNS = {0: "half", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
-# What must not break: a date, a coordinate behind its sign, a value before its uncertainty.
+# What must not break: a date, a coordinate behind its sign, a value behind its name and before its
+# uncertainty.
 _U = r"± \d[\d.]*(?: (?:mm|µm|mrad)(?:/\w+)?\b)?"
-_SIGNED = rf"(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: {_U})?"
+_SIGNED = rf"(?:(?<!\S)\w+ )?(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: {_U})?"
 _WHOLE = re.compile(rf"(\d{{4}}-\d\d-\d\d|(?:[<>] )?\d[\d.]* %|{_SIGNED}|{_U})")
 
 

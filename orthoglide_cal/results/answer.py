@@ -126,9 +126,6 @@ class Noise(Schema):
     stated_mm: float = Field(description="as the machine file states it")
     floor_mm: float = Field(description="resolution / √12")
     dof: int = Field(description="degrees of freedom of the residuals")
-    p_value: float | None = Field(
-        description="of a larger residual from noise and local shape as stated"
-    )
 
 
 class Shim(Schema):

@@ -35,7 +35,7 @@ from orthoglide_cal.estimation import (
 from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
-from orthoglide_cal.estimation.solution import judgement_of, require_settings
+from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
@@ -163,7 +163,7 @@ def answer_to(
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     else:
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
-    p_value, scatter_mm, stated_mm = _left_over(solution, diagnosis)
+    lack = diagnosis.lack_of_fit
     lines, total = budget_lines(budget)
     workspace, std = None, budget.std_mm
     if details:
@@ -176,7 +176,7 @@ def answer_to(
         **known,
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         method=solution.method,
-        judgement=judgement_of(p_value, scatter_mm, stated_mm),
+        judgement=lack.judgement,
         release=decision,
         parameters=parameters,
         decimals=decimals,
@@ -190,12 +190,11 @@ def answer_to(
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
-            repeats_mm=diagnosis.lack_of_fit.repeats_mm,
-            residuals_mm=scatter_mm,
+            repeats_mm=lack.repeats_mm,
+            residuals_mm=lack.residual_mm if lack.dof else None,
             stated_mm=machine.instrument.noise_mm,
             floor_mm=machine.instrument.rounding_mm,
             dof=solution.dof,
-            p_value=p_value,
         ),
         deviations=rows,
         deviations_rms=_of_deviations(rows),
@@ -471,7 +470,7 @@ def release(
 def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
     """Cautions about offsets that are released."""
     factor = diagnosis.left_open[0][1].scale_factor
-    judged = judgement_of(*_left_over(solution, diagnosis))
+    judged = diagnosis.lack_of_fit.judgement
     suspicious = judged.code == "residuals_too_large"
     # As stated, not as widened by the diagnosis to cover what is left.
     if factor > 1.0 and solution.judgement.code == "residuals_too_large":
@@ -480,19 +479,6 @@ def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
         # Without spare readings nothing can contradict or support the offsets. What a named
         # cause explains does not.
         yield judged
-
-
-def _left_over(
-    solution: Solution, diagnosis: Diagnosis
-) -> tuple[float | None, float | None, float]:
-    """Return p, and scatter and stated noise [mm], of what a solution leaves.
-
-    They are those of the diagnosis where that made the solution: one answer has one judgement.
-    """
-    if solution is not diagnosis.alone or not solution.dof:
-        return solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm
-    lack = diagnosis.lack_of_fit
-    return lack.p_value, lack.residual_mm, lack.noise_mm
 
 
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:

@@ -18,6 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from operator import attrgetter
 from typing import Literal, Self
 
 import numpy as np
@@ -28,7 +29,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import whiten
-from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
+from orthoglide_cal.estimation.methods import table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
@@ -59,16 +60,6 @@ class Outcome(StrEnum):
     FAIL = "fail"
     UNDECIDED = "undecided"
     PASS = "pass"
-
-    @classmethod
-    def of(cls, deviation_mm: float, u_mm: float, limit_mm: float | None) -> Self | None:
-        """The outcome of a deviation with its U; None without a limit."""
-        if limit_mm is None:
-            return None
-        room = limit_mm - abs(deviation_mm)
-        if room >= u_mm:
-            return cls("pass")
-        return cls("fail" if room < -u_mm else "undecided")
 
 
 class ComparedInput(InputFile):
@@ -110,6 +101,16 @@ class ComparedDifference(PromisedDifference):
     after_mm: float
     after_expanded_mm: float  # U of that
     outcome: Outcome | None  # by the rule; null where no limit was given
+
+    @classmethod
+    def of(cls, row: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
+        """The promise, and the value measured `after` with its U `u` and a `limit`, all in mm."""
+        outcome = None
+        if limit is not None:
+            room = limit - abs(after)
+            unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
+            outcome = Outcome.PASS if room >= u else unsure
+        return cls(**dict(row), after_mm=after, after_expanded_mm=u, outcome=outcome)
 
 
 class Conformity(Schema):
@@ -247,26 +248,22 @@ def verify(
     shared = shared_differences(before.measured, after.measured, model)
     response = _respond(shared, model.extended(added), first.offsets_mm, applied)
     later, data = pose(after.measured, model, table_kind(before.measured))
-    names = [difference.name for difference in later.which]
-    every = promise(before.measured, first, applied, right, added)
-    promised = [row for row in every if row.name in names]
-    if not promised:
+    u = NORMAL_K * model.machine.instrument.noise_mm * np.sqrt(np.diag(later.covariance()))
+    pairs = zip(data.tolist(), u.tolist(), strict=True)
+    left = dict(zip((difference.name for difference in later.which), pairs, strict=True))
+    rows = [
+        ComparedDifference.of(row, *left[row.name], limit_mm)
+        for row in promise(before.measured, first, applied, right, added)
+        if row.name in left
+    ]
+    if not rows:
         raise UsageError(
             "The two files share no difference between the ends of a leg's travel.",
             "Measure the postures max and min before and after.",
         )
-    chosen = [names.index(row.name) for row in promised]
-    left, noise_mm = data[chosen], model.machine.instrument.noise_mm
-    u = NORMAL_K * noise_mm * np.sqrt(np.diag(later.covariance()))[chosen]
-    rows = tuple(
-        ComparedDifference(
-            **dict(row), after_mm=mm, after_expanded_mm=u_mm, outcome=Outcome.of(mm, u_mm, limit_mm)
-        )
-        for row, mm, u_mm in zip(promised, left.tolist(), u.tolist(), strict=True)
-    )
-    columns = [(row.measured_mm, row.expected_mm, row.expanded_mm) for row in promised]
-    was, will_be, sure = np.array(columns).T
-    apart, both = rms(left - will_be), rms(np.hypot(sure, u))
+    columns = "measured_mm", "expected_mm", "expanded_mm", "after_mm", "after_expanded_mm"
+    was, will_be, sure, now, now_sure = np.array([attrgetter(*columns)(row) for row in rows]).T
+    apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
         worst = min(outcomes, key=[*Outcome].index)
@@ -282,11 +279,11 @@ def verify(
         apart_expanded_mm=both,
         rms_before_mm=rms(was),
         rms_promised_mm=rms(will_be),
-        rms_after_mm=rms(left),
-        remains=None if adjusted else remainder(promised, model),
+        rms_after_mm=rms(now),
+        remains=None if adjusted else remainder(rows, model),
         applied_mm=_by_axis(applied),
         corrected=corrected,
-        differences=rows,
+        differences=tuple(rows),
         **response,
         decision=decision,
     )
@@ -481,19 +478,12 @@ def shared_differences(before: Measured, after: Measured, model: Model) -> Share
         UsageError: they have nothing in common.
     """
     kinds = [kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds]
-    if not kinds:
+    every = [_of_kind(kind, before, after, model) for kind in kinds]
+    shared = max(every, key=lambda differences: len(differences.change), default=None)
+    if shared is None or len(shared.change) < 4:
         raise UsageError(
-            f"The first file holds {DESCRIPTIONS[before.kind]}, the second"
-            f" {DESCRIPTIONS[after.kind]}: they measure different things.",
-            "Measure both with the same protocol.",
-        )
-    every = (_of_kind(kind, before, after, model) for kind in kinds)
-    shared = max(every, key=lambda differences: len(differences.change))
-    if len(shared.change) < 4:
-        raise UsageError(
-            f"The two files share {len(shared.change)} differences;"
-            " three offsets cannot be verified with so few.",
-            "Measure the same postures with the same gauge directions before and after.",
+            "The two files share fewer than four differences: three offsets cannot be verified.",
+            "Measure with the same protocol, postures and gauge directions before and after.",
         )
     return shared
 

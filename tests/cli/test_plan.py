@@ -240,14 +240,6 @@ def test_the_page_of_a_file_speaks_of_that_file() -> None:
     assert "± 0.022 mm takes" in alone
 
 
-def test_a_target_beside_a_file_is_answered() -> None:
-    said = words(once("plan", DOUBLE, "--target", "0.022").stdout)
-    (plan,) = lines(once("plan", DOUBLE, "--json"))
-    able = [n for n in plan["next"] if max(n["expanded_mm"].values()) <= 0.022]
-    quickest = min(able, key=lambda option: option["minutes"])
-    assert f"± 0.022 mm takes about {quickest['minutes']:.0f} min: {quickest['what']}" in said
-
-
 def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
     shown = run("plan", DOUBLE, "--details").stdout
     (solved,) = lines(run("solve", DOUBLE, "--json"))

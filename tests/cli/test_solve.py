@@ -51,7 +51,9 @@ def test_without_spare_readings_nothing_is_not_a_number() -> None:
     assert found["noise"]["residuals_mm"] is found["noise"]["repeats_mm"] is None
     assert math.isfinite(found["parameters"][0]["std"])
     assert "no spare readings" in found["judgement"]
-    assert "unknown" in run("solve", "-", "--details", text=text).stdout
+    details = run("solve", "-", "--details", text=text).stdout
+    assert "nan" not in details
+    assert "Noise, mm" in details
 
 
 def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:

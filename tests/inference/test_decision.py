@@ -18,7 +18,14 @@ from orthoglide_cal.estimation.gaussian import mixture, probabilities
 from orthoglide_cal.estimation.losses import state
 from orthoglide_cal.inference import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit
+from orthoglide_cal.inference.trends import (
+    SIZES,
+    DatedValues,
+    Part,
+    Trend,
+    TrendFit,
+    fit_trends,
+)
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals
@@ -176,6 +183,16 @@ def test_evidence_is_the_density_of_the_values(dated: DatedValues) -> None:
     for parts, scatter in hypotheses:
         gain = TrendFit(dated, parts, scatter).log_evidence - none
         assert gain == pytest.approx(library_density(dated, parts, scatter) - still, abs=1e-3)
+
+
+def test_steps_between_the_same_sessions_are_one_of_all_that_changed() -> None:
+    """Of x much more than of y and z: no parameter is shared between two steps there."""
+    change, known = np.array([-1.49, -0.032, -0.367]), np.diag([0.008**2] * 3)
+    both = np.stack([0.0 * change, change])
+    data = DatedValues(both, np.stack([known, known]), [{}, {}], np.arange(2.0), [range(3)])
+    ((step, sizes, _),) = fit_trends(data)[Trend.CHANGED,][1].sizes(Trend.CHANGED)
+    assert step.subset == (0, 1, 2)
+    assert sizes == pytest.approx(change, abs=1e-6)
 
 
 def test_one_more_step_is_the_mean_over_all_that_it_may_be(dated: DatedValues) -> None:

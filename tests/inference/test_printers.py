@@ -412,7 +412,6 @@ def test_consistent_is_what_noise_leaves(seed: int, tmp_path: Path) -> None:
     file.write_text(printer_cfg(V400, OFF, seed=seed, noise=0.05, sections="c"))
     found = answer_to(read_input(str(file)))
     chance = found.lack_of_fit.p_value
-    assert chance == pytest.approx(found.noise.p_value)
     sound = found.verdict is Verdict.CONSISTENT
     assert (sound, found.release.usable) == (chance >= 0.001,) * 2
 

@@ -126,7 +126,7 @@ def test_a_healthy_report_has_everything_that_a_laboratory_would_state():
     titles = (section.title or "" for section in (*page.sheet, *page.sections))
     for wanted in (
         *titles, f"k = {answer.k:.2f}", f"{answer.dof} effective degrees of freedom", "95 %",
-        "A. Martin", "2026-03-03 09:31:00 +01:00", "20.9 °C at the start, 21.3 °C at the end",
+        "A. Martin", "2026-03-03 09:31 +01:00", "20.9 °C at the start, 21.3 °C at the end",
         "hall 3", "no. 41", "2026-0117", "due 2027-01-31", "touched the stand",
         identity_of(cases.healthy()).number, "0" * 64, "orthocal 0.", "Measured by, date",
         "reproduce it only in full",

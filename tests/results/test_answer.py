@@ -26,6 +26,7 @@ from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
 from orthoglide_cal.results.making import release
+from orthoglide_cal.words import signed
 from tests.inference.sessions import changed
 from tests.inference.sessions import given as touched
 from tests.machines import NOMINAL, PROTOTYPE, sure
@@ -199,7 +200,7 @@ def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
     assert found.release.usable == found.release.sound == usable
     if not usable:
         (reason,) = sentences(found.release.reasons)
-        assert f"y {offset:+.1f} mm" in reason
+        assert f"y {signed(offset, 1)} mm" in reason
         assert f"up to {model.machine.plausible[0]:g} mm" in reason
         assert "homing_mm" in sentences([found.release.remedies[0].sentence])[0]
 

@@ -305,7 +305,7 @@ def test_usage_errors():
     with pytest.raises(UsageError, match="limit"):
         verify(paper(2), paper(3), TRUE, limit_mm=0.0)
     heights = of_values(DataKind.SINGLE, [0.1, 0.2, 0.3, 0.1, 0.2, 0.4])
-    with pytest.raises(UsageError, match="different things"):
+    with pytest.raises(UsageError, match="share fewer than four differences"):
         verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)
     near = double_posture(PROTOTYPE, postures=(Posture.ISO, Posture.MIN))
     with pytest.raises(UsageError, match="no difference between the ends"):

@@ -4,21 +4,20 @@ Both say the decision and the next steps. Their details are the same; the calibr
 parts of them.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference import Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import DataKind, Readings, weighing
+from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
@@ -46,6 +45,7 @@ from orthoglide_cal.words import (
     decimals_for,
     difference_decimals,
     listed,
+    number,
     percent,
     plain,
     short,
@@ -56,15 +56,6 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-_METHODS: Mapping[Method, str] = {
-    Method.READINGS: "all readings at once",
-    Method.SIX: "eq. 25, six equations",
-    Method.TWELVE: "eq. 25, twelve equations",
-    Method.SIX_LINEAR: "eq. 17",
-    Method.TWELVE_LINEAR: "eq. 16",
-    Method.SINGLE: "eq. 10",
-    Method.SINGLE_SEQUENTIAL: "eq. 11",
-}
 _UNLISTED = "something that is not on the list"
 _OPEN_VERDICTS = (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
 # Reasons that a headline says, too: below it stands what they mean.
@@ -113,7 +104,8 @@ def _document(
         return doc.Page(kind, simulated=case.answer.simulated, notice=notice)
 
     def page() -> doc.Page:
-        return replace(begin(), sheet=[doc.next_steps(steps(case))], sections=[*_details(case)])
+        sheet = [steps_section(case, steps(case))]
+        return replace(begin(), sheet=sheet, sections=[*_details(case)])
 
     brief = (lambda: screen(case, begin())) if case.answer.parameters else None
     return doc.Document(case.data, page, brief)
@@ -129,9 +121,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     enter = release.usable and release.needed
     parameters: list[doc.Block | None] = [parameters_grid(case, brief=True), *open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
-    notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
-    if "gauge_doubt" in release.codes:
-        notes = []  # it says the same
+    notes = [f"Note: {case.says(warning)}" for warning in _warnings(case)]
     numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
     words = []
     if answer.deviations and not release.settled:
@@ -343,6 +333,12 @@ def _shares(answer: Answer) -> str:
 # --- the next steps ---------------------------------------------------------------------------
 
 
+def steps_section(case: Case, steps: Iterable[doc.Line]) -> doc.Section:
+    """The next steps, and what they do to the height of a nozzle."""
+    moved = (warning for warning in case.answer.warnings if warning.code in NOZZLE)
+    return doc.next_steps(steps, *map(case.says, moved))
+
+
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
     """Next steps; `brief`: those that one screen has room for."""
     release, verdict = case.answer.release, case.answer.verdict
@@ -353,7 +349,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
         try:
             check_not_adjusted(case.given)
         except UnusableResultError as error:
-            yield str(error)
+            # Its command stands at its end, if it has one.
+            words, colon, typed = str(error).partition(": orthocal ")
+            yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
     if release.settled:
         if case.words.measure or case.machine.layouts():
@@ -462,9 +460,10 @@ def open_blocks(case: Case) -> Iterator[str]:
     """Parameters that these readings do not determine, and sizes taken as stated."""
     names = {parameter.name for parameter in case.answer.parameters}
     for unknown in case.answer.undetermined:
-        size = f"{unknown.within:.2g} {unit_words(unknown.unit)}"
-        how = f"U = {size}" if unknown.name in names else f"taken as stated to within {size}"
-        yield f"Not determined: {unknown.name}, {how}."
+        stated = unknown.name not in names
+        size = number(unknown.within) if stated else two_figures(unknown.within)
+        how = f"{'taken as stated to within' if stated else 'U ='} {size}"
+        yield f"Not determined: {unknown.name}, {how} {unit_words(unknown.unit)}."
 
 
 def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | None:
@@ -708,9 +707,18 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     if answer.ruled_out:
         yield f"Ruled out by hand: {listed(answer.ruled_out)}."
     notes = [note for note in answer.notes if note.code in _BRIEF_NOTES or not brief]
-    remarks = [*notes, *answer.warnings * (not brief)]
-    known = answer.release.cautions
-    yield from dict.fromkeys(case.says(remark) for remark in remarks if remark not in known)
+    notes = [note for note in notes if note not in answer.release.cautions]
+    if not brief:
+        notes += (warning for warning in _warnings(case) if warning.code not in NOZZLE)
+    yield from dict.fromkeys(map(case.says, notes))
+
+
+def _warnings(case: Case) -> list[Reason]:
+    """Remarks about the data that do not stand in the decision."""
+    release = case.answer.release
+    doubts = (reason.data.get("doubt") for reason in release.reasons)
+    known = (*release.reasons, *release.cautions, *doubts)
+    return [warning for warning in case.answer.warnings if warning not in known]
 
 
 def _assumptions(case: Case) -> Iterator[str]:
@@ -737,10 +745,9 @@ def _assumptions(case: Case) -> Iterator[str]:
 
 
 def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
-    """The method, whether the parameters alone explain the data, the noise, and the causes."""
-    answer, words = case.answer, case.words
-    method, noise, lack = Method(answer.method or ""), answer.noise, answer.lack_of_fit
-    yield "Solved by", f"{method} ({_METHODS[method]})"
+    """The method, whether the parameters alone explain the data, the noise, and several causes."""
+    answer, words, noise, lack = case.answer, case.words, case.answer.noise, case.answer.lack_of_fit
+    yield "Solved by", f"method {answer.method}"
     if noise is None or lack is None:
         return
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
@@ -754,13 +761,11 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         "resolution q/√12": noise.floor_mm,
         "used for U": noise.used_mm,
     }
-    known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
+    known = (f"{name} {plain(mm, 4)}" for name, mm in sizes.items() if mm)
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
     alone = "" if noise.repeats_mm is None else f" {words.repeats.format(p=p)}"
     yield "Noise, mm", f"{', '.join(known)}.{alone}"
-    for cause in answer.causes:
-        yield cause.id, case.title_of(cause.id, len(cause.parameters))
-    if answer.causes:
-        nothing = nothing_wrong(answer.explanations)
-        sound = "" if nothing is None else f"; {percent(nothing, 1)} that nothing is wrong at all"
-        yield "Probability", f"{percent(answer.causes[0].probability, 1)}{sound}"
+    if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
+        yield from ((e.id, case.title_of(e.id, len(e.parameters))) for e in answer.causes)
+    if answer.causes and (nothing := nothing_wrong(answer.explanations)) is not None:
+        yield "Sound", f"probability {percent(nothing, 1)} that nothing is wrong at all"

@@ -12,7 +12,7 @@ from dataclasses import replace
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.measured import NOZZLE, DataKind
+from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -37,6 +37,7 @@ from orthoglide_cal.report.documents.answer import (
     parameters_grid,
     parameters_title,
     promised_figure,
+    steps_section,
     to_do,
 )
 from orthoglide_cal.results import Identity
@@ -95,16 +96,14 @@ def calibration_document(
         parameters, pages = _parameters(case, limit_mm), [*map(_other, case.others)]
         if left is not None:
             notice = verification.verification_notice(left)
-            advice = verification.verification_steps(left)
-            drawn = verification.left_figure(left) if left.differences else None
-            steps = doc.next_steps(advice, verification.decision_rule(left), drawn)
+            # Beside each other: the sheet has no room for a section more.
+            measured = verification.differences_left(left).blocks
+            steps = doc.next_steps(verification.verification_steps(left), *measured)
             sheet = [verification.parameters_left(left), steps]
         elif released:
-            notice = _notice(case)
-            moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
-            sheet = [parameters, *causes, doc.next_steps(to_do(case), *moved)]
+            notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
         else:
-            notice, sheet = _notice(case), [*causes, doc.next_steps(to_do(case))]
+            notice, sheet = _notice(case), [*causes, steps_section(case, to_do(case))]
             pages += [*rivals, parameters]
         sheet += frame.sheet
         both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]

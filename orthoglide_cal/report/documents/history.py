@@ -13,7 +13,7 @@ from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import sizes_words
+from orthoglide_cal.report.case import LARGEST_OFFSET, sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
@@ -71,12 +71,13 @@ def _screen(history: History, notes: Sequence[str], steps: doc.Section) -> doc.P
 
 
 def _page(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Page:
+    table = _table(history, {*range(len(history.sessions))})
     expected = f"The next session is expected to find: {_sizes(history.prediction)} (95 %)."
-    notes = [*notes, expected]
-    for count, expanded in history.further.items():
-        pairs = zip(history.pooled, expanded, strict=True)
-        known = ", ".join(f"{size.name} {two_figures(u)}" for size, u in pairs)
-        notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
+    further = doc.Grid(
+        ("further sessions", *(size.name for size in history.pooled)),
+        [(str(count), *map(two_figures, u)) for count, u in history.further.items()],
+        caption="U that the best values have with them.",
+    )
     return doc.Page(
         kind="History",
         simulated=history.simulated,
@@ -85,7 +86,7 @@ def _page(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Pag
         sheet=[doc.Section("From session to session", _courses(history)), steps],
         sections=[
             doc.Section("Residuals of the touches", *_shapes(history)),
-            doc.Section("Sessions", _table(history, {*range(len(history.sessions))}), *notes),
+            doc.Section("Sessions", table, *notes, expected, further),
         ],
     )
 
@@ -166,9 +167,9 @@ def _table(history: History, chosen: set[int]) -> doc.Grid:
     decimals = [decimals_for(size.expanded) for size in history.pooled]
 
     def row(name: str, sizes: Sequence[Estimate], uncertain: bool = False) -> tuple[str, ...]:
-        """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
+        """Values, or their U; what is no offset has no sign."""
         shown = [size.expanded if uncertain else size.value for size in sizes]
-        bare = [uncertain or abs(size) > 10.0 for size in shown]
+        bare = [uncertain or abs(size) > LARGEST_OFFSET for size in shown]
         return (name, *((plain if bare[k] else signed)(shown[k], decimals[k]) for k in every))
 
     units = [unit_words(history.pooled[k].unit) for k in every]

@@ -163,7 +163,6 @@ def residual_blocks(case: Case) -> Iterator[doc.Block]:
                     signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
         plain = doc.Listing((*signs, *_BED_LEGEND))
         yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
-        yield readings_table(case, distances=True)
     elif case.answer.input.kind == DataKind.READINGS:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
@@ -253,7 +252,9 @@ def reading_panels(
             f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
             for model, values in microns.items()
         )
-        seen = f"Residuals, µm. {'; '.join(lists)}."
+        most = max(numbers, key=lambda k: abs(models[-1][k]))
+        largest = " at ".join(filter(None, (signed(models[-1][most], 1), places[most])))
+        seen = f"Residuals, µm; largest: {largest}. {'; '.join(lists)}."
         colour = f"c-{rows[numbers[0]].leg or 'x'}"
         title = f"Residuals{f' over {axis}' if axis else ''}, {gauge}"
         pictures.append(figures.svg(width, height, title, seen, parts, colour))
@@ -306,14 +307,9 @@ def _left(case: Case) -> dict[str, Floats]:
     return left
 
 
-def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
-    """Every reading or difference as it was written down, and what the models leave of it.
-
-    With `distances` only the measured distances between places of a bed.
-    """
-    chosen = [k for k, row in enumerate(case.answer.residuals) if row.distance or not distances]
-    rows = [case.answer.residuals[k] for k in chosen]
-    left = {model: values[chosen] for model, values in _left(case).items()}
+def readings_table(case: Case) -> doc.Grid:
+    """Every reading or difference as it was written down, and what the models leave of it."""
+    rows, left = case.answer.residuals, _left(case)
     readings = case.answer.input.kind == DataKind.READINGS
     at, places = "difference", [row.posture or "" for row in rows]
     if _on_bed(case):
@@ -412,22 +408,23 @@ def moves_rails(id: str) -> bool:
 
 def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
     """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
-    left = _left(case)
-    (alone, before), *_ = left.items()
-    if _on_bed(case):
-        if cause != case.answer.causes[0]:
-            return None  # one map shows what all of them do
-        maps = [
-            figures.bed_map(f"Residuals, {alone}{title}", places, before[at], case.machine.bed)
-            for title, at, places in _surfaces(case)
-        ]
-        return doc.Figure(maps, 0, _RINGED)
-    if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
-        return sketch
-    rows, (both, after) = case.answer.residuals, [*left.items()][-1]
+    rows, left = case.answer.residuals, _left(case)
+    (alone, before), *_, (both, after) = [*left.items()] * 2
     change = np.abs(after - before)
     wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
     one = wrong if len(wrong) == 1 else []
+    if _on_bed(case):
+        if cause != case.answer.causes[0]:
+            return None  # one map shows what all of them do
+        sure = one and any(CAUSES[found.id].hides_reading for found in case.answer.causes)
+        maps = []
+        for title, at, places in _surfaces(case):
+            ringed = np.isin(at, one) if sure else None
+            name, bed = f"Residuals, {alone}{title}", case.machine.bed
+            maps.append(figures.bed_map(name, places, before[at], bed, ringed=ringed))
+        return doc.Figure(maps, 0, "Ringed: wrong." if sure else _RINGED)
+    if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
+        return sketch
     timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
     panels = reading_panels(
         rows,

@@ -6,7 +6,6 @@ The diagnosis shows the best of the next measurements, too.
 import string
 from collections.abc import Iterator
 from functools import partial
-from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -132,8 +131,7 @@ def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
-    chosen, machine = plan.chosen, plan.model.machine
-    typed = partial(_command, machine=machine_file, begun=begun)
+    chosen, typed = plan.chosen, partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
         yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
@@ -148,8 +146,6 @@ def _to_do(
         yield doc.step("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
         yield doc.step("Measure it", typed(chosen))
-    elif not chosen.plan.touches.all():
-        yield machine.vocabulary.probing
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.step(text, typed(chosen))
@@ -353,16 +349,6 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     today = "Now it is" if plan.model.machine.common_unit else "The largest is now"
     today = "" if now is None else f" {today} ± {two_figures(now)} mm."
     worth = [f"With it: {_reach(plan.model, best.expanded)}.{today}"]
-    if plan.target is not None:
-        wanted = plan.target.expanded_mm
-        # The quickest way to the U that was asked for, with the data that there are.
-        able = (option for option in plan.next if _worst(option) <= wanted)
-        quickest = min(able, key=attrgetter("minutes"), default=None)
-        code = "reached_by_none" if quickest is None else "reached_by"
-        code = "reached_already" if now is not None and now <= wanted else code
-        minutes_to = max(quickest.minutes, 1.0) if quickest else 0.0
-        data = {"u_mm": wanted, "quickest": quickest, "minutes": minutes_to}
-        worth.append(sentence(Reason.of(code, **data)))
     tone, title = doc.Tone.INFO, f"Next: {minutes}"
     if best.between:
         title += f" give one answer (probability {percent(best.chance)})"

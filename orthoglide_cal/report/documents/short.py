@@ -1,6 +1,6 @@
 """Short documents: `machine`, `validate`, `apply`, `adjust`, and `paper`, its own check."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,70 +9,27 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check, Input
 from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.files.yaml_tree import yaml_text
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
+from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
-from orthoglide_cal.words import counted, decimals_for, plain, short, signed, two_figures
+from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures, wrapped
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
 
-# Keys of the file that have a place of their own on the page, or none.
-_ELSEWHERE = {"schema_version", "name", "tolerances", "history", "identified", "report"}
-
 
 def machine_document(model: Model) -> doc.Document:
-    """A machine with the numbers of its file, what was entered, and what is wrong with it."""
-    machine, values = model.machine, machine_values(model)
-    numbers = {key: value for key, value in values.items() if key not in _ELSEWHERE}
-    facts = doc.Facts([*_rows(numbers), *stated(machine, OWNER), *stated(machine, MEANS)])
-    entered = [
-        (one.date[:10], _written(one.before), _written(one.after), one.data_sha256[:12])
-        for one in machine.history
-    ]
-    known = []
-    for effect in model.accepted:
-        if effect.corrects:
-            continue
-        sizes = (
-            f"{size.name} {short(size.value, 4)} ± {short(size.std, 4)} {size.unit}"
-            for size in model.called(effect)
-        )
-        known.append((effect.cause.id, ", ".join(sizes), (effect.date or "")[:10]))
-    history = doc.Grid(("entered", "before, mm", "after, mm", "from SHA-256"), entered)
-    wrong = doc.Grid(("cause", "size, one standard deviation", "found"), known, words=(0, 1))
-    sections = [
-        doc.Section("In the controller", history),
-        doc.Section("What is known to be wrong with it", wrong),
-    ]
-    page = doc.Page("Machine", machine.name, facts=facts, sections=sections)
+    """A machine under the keys of its file."""
+    values = machine_values(model)
+    lines = wrapped(yaml_text(values).rstrip(), 80).split("\n")
+    sections = [doc.Section(None, doc.Listing(lines))]
+    page = doc.Page("Machine", model.machine.name, sections=sections)
     return doc.Document(lambda: values, lambda: page)
-
-
-def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, doc.Blank]]:
-    """Every key in words with its unit, and its value; `joint_limits_mm` is "Joint limits, mm"."""
-    for key, value in values.items():
-        if isinstance(value, Mapping) and "_" not in key:
-            yield from _rows(value, f"{group}{key} ")
-            continue
-        name, _, unit = key.rpartition("_")
-        unit = f", {unit}" if unit in ("mm", "deg") else ""
-        words = f"{group}{name if unit else key}".replace("_", " ")
-        yield words.capitalize() + unit, doc.given(_written(value))
-
-
-def _written(value: object) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_written(part)}" for name, part in value.items())
-    if isinstance(value, list | tuple):
-        return " ".join(map(_written, value))
-    if value is None or isinstance(value, bool):
-        return {None: "none", True: "yes", False: "no"}[value]
-    return short(value, 6) if isinstance(value, float) else str(value)
 
 
 def check_document(

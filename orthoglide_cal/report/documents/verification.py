@@ -63,7 +63,7 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     notice = replace(verification_notice(result), aside=f"{result.machine}, {both}")
     # Their title says what the notice above does.
-    figure = left_figure(result)
+    figure = _left_figure(result)
     differences = [*figure.plain[1:]] if figure else []
     steps = verification_steps(result, brief=True)
     last = doc.next_steps(steps, "More: the same with --details")
@@ -80,12 +80,11 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
     recorded = [(side, side.validity) for side in (result.before, result.after)]
     machine = result.inputs[1].model.machine
     page = signed_page("Verification report", machine, identity, recorded, result.simulated)
-    measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     return replace(
         page,
         title=result.machine,
         notice=verification_notice(result),
-        sheet=(parameters_left(result), measured, *page.sheet),
+        sheet=(parameters_left(result), differences_left(result), *page.sheet),
         sections=(
             doc.Section("How the machine responded", *_response(result)),
             doc.Section("Traceability", doc.Facts([*origin(result.inputs)])),
@@ -248,14 +247,15 @@ def parameters_left(result: Verification) -> doc.Section:
     unit, decimals = result.inputs[1].model.machine.common_unit, 4
     if result.differences:
         decimals = _decimals(result)
+    active = signed if unit else plain  # lengths and angles of a printer have no sign
     now = [None if by is None else row.active + by for row, by in zip(rows, entered, strict=True)]
     columns: dict[str, list[doc.Blank]] = {
         "": [doc.strong(row.name) for row in rows],
         **({} if unit else {"unit": [row.unit for row in rows]}),
         "found ± U": [*map(_known, rows)],
-        "before": [plain(row.active, decimals) for row in rows],
+        "before": [active(row.active, decimals) for row in rows],
         "entered": ["unknown" if by is None else signed(by, decimals) for by in entered],
-        "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
+        "now": ["unknown" if new is None else doc.strong(active(new, decimals)) for new in now],
         "left ± U": [*map(_known, result.after.parameters)],
     }
     caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
@@ -274,13 +274,14 @@ def _known(row: Parameter) -> str | None:
     return None if row.found is None else with_uncertainty(row.found, row.expanded)
 
 
-def decision_rule(result: Verification) -> doc.Marked | None:
-    """The rule by which a limit is judged; None where none was given."""
+def differences_left(result: Verification) -> doc.Section:
+    """The differences as left, and the rule by which a limit is judged; nothing of heights."""
     made = result.decision
-    return doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
+    rule = doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
+    return doc.Section("Predicted and measured", rule, _left_figure(result))
 
 
-def left_figure(result: Verification) -> doc.Figure | None:
+def _left_figure(result: Verification) -> doc.Figure | None:
     """The differences as left; None of heights."""
     every = result.differences
     if not every:
