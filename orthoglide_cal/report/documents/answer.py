@@ -378,8 +378,7 @@ def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
 def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
-    # No line of simulated readings is for a controller.
-    export = None if case.answer.simulated else case.typed("export", f"--format {format}")
+    export = case.typed("export", f"--format {format}") if case.for_controllers else None
     recorded = recording(case.given)
     if recorded == "done":
         yield f"The machine file records that the {words.many} are entered. {words.restart}"
