@@ -139,6 +139,15 @@ def test_only_who_makes_or_reads_one_knows_a_kind_of_machine() -> None:
     none([*faults, *(f"nobody needs one in {place}" for place in sorted(idle))])
 
 
+def test_no_other_room_knows_the_class_of_a_cause() -> None:
+    """What causes do differently is theirs, too: fields and methods of `Cause`."""
+    causes = f"{PACKAGE}.causes"
+    classes = {str(node.name) for name, node in nodes(ast.ClassDef) if name.startswith(causes)}
+    for name, node in nodes(ast.ImportFrom):
+        known = classes & {entry.name for entry in node.names}
+        assert not known or name.startswith(causes), (name, known)
+
+
 def test_hardly_anybody_asks_for_the_kind_of_machine() -> None:
     """Where readers and writers of one kind begin, and where gauges are planned."""
     kind_files = [f"{PACKAGE}.model.{file}" for file in RULES["kind_files"]]

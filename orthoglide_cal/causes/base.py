@@ -25,10 +25,7 @@ class PatternCause(Cause):
     """
 
     names: tuple[str, ...] = ("size",)
-
-    def millimetres(self, machine: Machine) -> float:
-        """One unit of its size in what the patterns are multiplied by."""
-        return 1.0
+    placed = True
 
     def onward(self, place: Place) -> bool:
         """True if it concerns all later readings that share a zero with the one at its place."""
@@ -70,11 +67,8 @@ class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
+    placed = True
     sizes = MappingProxyType({Orthoglide: 1.0})
-
-    def relabel(self, plan: AnyPlan, place: Place) -> tuple[np.ndarray, Floats]:
-        """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
-        return np.arange(len(plan)), np.ones(len(plan))
 
     def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
         index, sign = self.relabel(plan, effect.place)
@@ -96,7 +90,7 @@ class ExchangeCause(RelabelCause, ABC):
     def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
         """Leg and direction that each reading was of, shape (n,); its own inverse."""
 
-    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[Ints, Floats]:
         unchanged, signs = super().relabel(plan, place)
         index = _partners(self, plan.steps, place)
         return unchanged if index is None else index, signs

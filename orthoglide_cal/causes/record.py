@@ -50,7 +50,6 @@ class Misread(PatternCause):
         return tuple((i,) for i in range(len(plan)))
 
     def several(self, count: int) -> Self:
-        """Errors of so many readings, each by itself; their places are one."""
         cause = copy(self)
         cause.names = tuple(f"size_{number}" for number in range(1, count + 1))
         cause.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
@@ -125,7 +124,7 @@ class SignFlip(RelabelCause):
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return "all readings" if place == EVERYWHERE else words_of(plan, place)
 
-    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[Ints, Floats]:
         turned = True if place == EVERYWHERE else there(plan, place)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
 

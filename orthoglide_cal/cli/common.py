@@ -230,7 +230,8 @@ def agreement(yes: bool, fault: str) -> Callable[[str], bool]:
         raise UsageError(fault, "In a script, give --yes.")
 
     def agrees(question: str) -> bool:
-        ask = partial(typer.prompt, f"{question} y/n", "n", show_default=False, prompt_suffix=" > ")
+        asked = wrapped(f"{question} y/n", shutil.get_terminal_size().columns - 4)
+        ask = partial(typer.prompt, asked, "n", show_default=False, prompt_suffix=" > ")
         while not yes and (word := str(ask(err=True)).strip().lower()) not in ("y", "yes"):
             if word in ("n", "no"):
                 return False

@@ -217,16 +217,15 @@ def _made(answers: Answers, target: Path) -> "StoredMachine":
     """The file, not written yet. Raises InputError for values that make no machine."""
     from orthoglide_cal.files.machine_file import new_machine
 
-    values: Answers = {"name": "my machine"}
     scaled = ("joint_limits_mm", "workspace_mm") if "leg_length_mm" in answers else ()
-    for key in dict.fromkeys((*answers, *scaled)):
-        value = _plain(answers[key] if key in answers else _usual(key, answers))
-        group, _, inner = key.rpartition(".")
-        (values.setdefault(group, {}) if group else values)[inner] = value
+    usual = {key: _usual(key, answers) for key in scaled if key not in answers}
+    values: Answers = {"name": "my machine"} | {k: _plain(v) for k, v in (answers | usual).items()}
     if "endstops_mm" in values:  # one number for all
-        values["endstops_mm"] = dict.fromkeys("abc", values["endstops_mm"])
+        values |= dict.fromkeys(
+            [f"endstops_mm.{tower}" for tower in "abc"], values.pop("endstops_mm")
+        )
     if answers.get("gauge.revolution_mm") == 0.0:
-        values["gauge"]["revolution_mm"] = None
+        values["gauge.revolution_mm"] = None
     return new_machine(values, str(target))
 
 

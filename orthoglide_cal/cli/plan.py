@@ -68,9 +68,9 @@ def plan(
             remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * guided}."
             raise UsageError(f"The name {program} does not say what to write.", remedy)
         if session is None:
-            if template or order:
+            if template:
                 fault = "A printer's places are written as a table."
-                raise UsageError(fault, "Leave these options out.")
+                raise UsageError(fault, "Leave out --template.")
             message = f"{len(chosen.plan)} places written to {program}: {chosen.what}. Fill in"
             message += " reading_mm, the height at which the probe triggers, bed mesh off."
             common.put(places_csv(chosen.plan), program, message)
@@ -100,13 +100,13 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
     from importlib.resources import files
 
     from orthoglide_cal.files.gcode_template import gcode_template
-    from orthoglide_cal.files.text import YAML_LIMIT, read_document
+    from orthoglide_cal.files.text import read_document
     from orthoglide_cal.planning.program import program_csv, program_gcode
 
     if target.suffix.lower() in _GCODE:
         path = template or files("orthoglide_cal.files") / "templates" / "gcode.nc"
         numbers = [block.first.block for block in program.blocks]
-        lines = gcode_template(read_document(str(path), YAML_LIMIT), numbers)
+        lines = gcode_template(read_document(str(path)), numbers)
         text = program_gcode(program, lines)
     elif template is None:
         text = program_csv(program)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.errors import OrthocalError, command
+from orthoglide_cal.errors import InputError, OrthocalError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.machine_file import StoredMachine
@@ -19,13 +19,14 @@ def start() -> None:
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
 
-    here, file, machine, known = Path(), None, None, "none in this folder"
+    here, file, machine, known, faulty = Path(), None, None, "none in this folder", ""
     try:
         if file := common.chosen_machine(None):
             machine = file.model.machine
             known = f"{file.document.path}: {machine.name}, {machine.geometry_words}"
     except OrthocalError as error:
-        known = str(error)
+        faulty = error.file if isinstance(error, InputError) and error.file else ""
+        known = f"{faulty} cannot be used" if faulty else str(error)
     to = unwritten(file) if file else None
     sessions, printers = sessions_in(here, tables=True), printers_in(here)
     waiting, measured = unfinished(here), [*sessions]
@@ -49,7 +50,9 @@ def start() -> None:
         "a linear delta by its own probe" if by_probe else "an Orthoglide with a dial indicator"
     )
     try:
-        state, steps = _next(file, to, sessions, begun, printers)
+        state, steps = list[doc.Block](), [doc.step("See its faults", command("validate", faulty))]
+        if not faulty:
+            state, steps = _next(file, to, sessions, begun, printers)
     except OrthocalError as error:
         state, steps = [], [doc.step(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:

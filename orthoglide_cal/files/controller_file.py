@@ -17,8 +17,8 @@ Only these values change: every other byte stays, and so do line ends, encoding,
 links. The file is a path, or the address of a Moonraker server.
 """
 
-import codecs
 import hashlib
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -76,11 +76,6 @@ for _tower, _section in ((tower, f"stepper_{tower}") for tower in "abc"):
     SAVED |= {f"angle_{_tower}": (_section, "angle"), f"arm_{_tower}": (_section, "arm_length")}
     SAVED[_tower] = _section, "position_endstop"
 _PITCHES = {f"pitch_{tower}": (f"stepper_{tower}", "rotation_distance") for tower in "abc"}
-_HEADER = """
-#*# <---------------------- SAVE_CONFIG ---------------------->
-#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
-#*#
-"""
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."
@@ -381,7 +376,7 @@ def controller_file(target: str) -> ControllerFile:
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         return _linuxcnc(target, data, text)
     if "\n[printer]" in text.replace("\xef\xbb\xbf", "", 1):
-        return _klipper(target, data, text)
+        return _klipper(target, data)
     raise InputError(
         "This is not the file of a known controller.",
         "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
@@ -434,23 +429,12 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
     return LinuxCnc(target, data, settings, unit_mm=_UNITS[unit.lower()])
 
 
-def _klipper(target: str, data: bytes, text: str) -> Klipper:
-    """A printer.cfg, of its text after an empty line: a value has the number of its line."""
-    if data.startswith(codecs.BOM_UTF8):
-        problem = "The file begins with a byte order mark: Klipper does not read it."
-        raise InputError(problem, "Save it as UTF-8 without it.", file=target, line=1)
-    above, header, _ = text.partition(_HEADER)
-    heading = (above + header).count("\n") - 1 if header else len(text)
-    for number, line in enumerate(text.rstrip().split("\n")):
-        stray = number <= above.count("\n") and line.startswith("#*#")
-        if stray or (number > heading and not re.match(r"#\*#( |$)", line)):
-            why, remedy = "below its heading Klipper ignores", "Move it above the block."
-            if stray:
-                why, remedy = "above its heading Klipper drops", "Delete it."
-            problem = f"Because of this line {why} what SAVE_CONFIG wrote."
-            raise InputError(problem, remedy, file=target, line=number, value=line)
+def _klipper(target: str, data: bytes) -> Klipper:
+    """A printer.cfg."""
     printer = Settings(document_from_bytes(data, target))
+    printer.problems += printer.dropped[:1]
     printer.check()
+    heading = printer.heading or math.inf
     settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
     return Klipper(target, data, settings, (Reason.of("includes"),) * printer.included)
 
@@ -461,7 +445,7 @@ def _values(
     wanted: Mapping[str, tuple[str, str]],
     advice: str,
     optional: Collection[str],
-    heading: int = 0,
+    heading: float = 0,
 ) -> dict[str, WrittenValue]:
     """The wanted values, below the heading of Klipper's block. Raises InputError."""
     faults, values = list[InputError](), dict[str, WrittenValue]()

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from itertools import chain
 from typing import Any, get_args, get_type_hints
@@ -104,9 +104,11 @@ class Content:
     def at(self, path: Steps) -> Any:
         """The node at `path`; None where there is none."""
         value = self.value
-        for step in path:
-            value = value.get(step)
-        return value
+        with suppress(KeyError, IndexError, TypeError):
+            for step in path:
+                value = value[step]
+            return value
+        return None
 
     def place(self, path: Steps) -> Place:
         """Where the node at `path` stands; of one that is missing, where its parent does."""

@@ -28,13 +28,12 @@ from orthoglide_cal.files.readings import (
     session_from_tree,
 )
 from orthoglide_cal.files.text import (
-    YAML_LIMIT,
     FileText,
     document_from_bytes,
     read_bytes,
     read_document,
 )
-from orthoglide_cal.files.yaml_tree import load_tree
+from orthoglide_cal.files.yaml_tree import YAML_LIMIT, load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate
@@ -365,7 +364,7 @@ def _texts_in(folder: Path, *ends: str) -> Iterator[tuple[Path, str]]:
     for path in sorted(path for end in ends for path in folder.glob(f"*.{end}") if path.is_file()):
         text = ""
         with suppress(InputError):
-            text = read_document(str(path), YAML_LIMIT).text
+            text = read_document(str(path)).text if path.stat().st_size <= YAML_LIMIT else ""
         yield path, text
 
 

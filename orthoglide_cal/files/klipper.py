@@ -19,7 +19,7 @@ import itertools
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -48,7 +48,11 @@ Entry = tuple[int, str]  # an option's line and text
 Options = defaultdict[str, dict[str, Entry]]  # section → option → entry
 
 _SAVED = "#*#"
-_HEADING = re.compile(r"#\*# <-+ SAVE_CONFIG -+>")
+_HEADING = """
+#*# <---------------------- SAVE_CONFIG ---------------------->
+#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
+#*#
+"""
 _SECTION = re.compile(r"\[(.+)\]")  # what follows the bracket is passed over
 _OPTION = re.compile(r"([^:=]+?)\s*[:=]\s*(.*)")
 _COMMENT = re.compile(r"#.*$|(?:^|(?<=\s));.*$")
@@ -92,7 +96,7 @@ class Settings(Content):
 
     def __init__(self, document: FileText) -> None:
         super().__init__(document)
-        lines = list(enumerate(document.text.split("\n"), start=1))
+        lines = list(enumerate(document.text.rstrip().split("\n"), start=1))
         written = [(line, text[len(_SAVED) :]) for line, text in lines if text.startswith(_SAVED)]
         above = [(line, text) for line, text in lines if not text.startswith(_SAVED)]
         typed_at, typed = self._parsed(above)
@@ -104,11 +108,13 @@ class Settings(Content):
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in typed_at)
         self._cut_off = not saved_at
-        heading = next((line for line, text in lines if _HEADING.match(text)), 0)
-        stray = [line for line, text in written if line < heading and text.startswith(" ")]
-        self.remarks = [Reason.of("stray_saved", line=line) for line in stray]
-        if document.marked:
-            self.remarks.append(Reason.of("byte_order_mark"))
+        before, heading, _ = f"\n{document.text}".partition(_HEADING)
+        self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
+        self.dropped = list(self._dropped(lines))
+        self.remarks = [
+            Reason.of("dropped", line=fault.line, what=fault.what, remedy=fault.remedy)
+            for fault in self.dropped[:1]
+        ]
         self.remarks += [
             Reason.of("not_in_force", line=line, option=name, section=section, other=other)
             for section in filter(_MATTERS.fullmatch, saved_at)
@@ -116,6 +122,23 @@ class Settings(Content):
             for other, in_force in [typed[section].get(name, (0, text))]
             if in_force.split() != text.split()
         ]
+
+    def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
+        """What keeps Klipper from reading the file, or what SAVE_CONFIG wrote there."""
+        if self.document.marked:
+            what = "The file begins with a byte order mark: Klipper does not read it."
+            yield InputError(what, "Save it as UTF-8 without it.", file=self.file, line=1)
+        first = self.heading - _HEADING.count("\n") + 2  # line of the heading
+        for line, text in lines if self.heading else ():
+            above, saved = line < first, re.match(r"#\*#( |$)", text) is not None
+            if (above or line > self.heading) and above == saved:
+                where, remedy = "above", "Delete it."
+                if not above:
+                    where, remedy = "below", "Move it above the block."
+                what = (
+                    f"Because of this line {where} its heading Klipper drops SAVE_CONFIG's block."
+                )
+                yield InputError(what, remedy, file=self.file, line=line, value=text)
 
     def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""

@@ -6,7 +6,7 @@ depends on which causes there are.
 
 import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -20,7 +20,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
 from orthoglide_cal.files.text import (
-    YAML_LIMIT,
     FileText,
     document_from_bytes,
     free_path,
@@ -56,9 +55,6 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
-# Behind a key that was not there before the first entry, and goes with it.
-_REMARK = "  # added by `orthocal apply`"
-_ADDED = re.compile(rf"^(\w+):.*{_REMARK}\r?$", re.MULTILINE)
 _ACTIVE = "offsets_mm"
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
@@ -175,7 +171,7 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     Raises InputError: everything in it that breaks the schema, each with line and path; or not
     readable, not YAML, or not a machine file.
     """
-    file = read_document(str(path), YAML_LIMIT)
+    file = read_document(str(path))
     if PRINTER_SECTION.search(file.text):
         what = "This is a printer's configuration, not a machine file."
         remedy = (
@@ -376,50 +372,56 @@ def with_history(
     Every other byte stays, and a number moves as it is written: to take an entry back leaves what
     was there before it. Raises InputError: it could not be read again.
     """
-    model, document, past = file.model, file.document, len(file.model.machine.history)
+    model, document, past = file.model, file.document, file.model.machine.history
     model = model if active is None else model.holding([*active.values()])
     model = model if corrected is None else model.correcting(corrected)
     model = replace(model, machine=model.machine.changed(history=history))
     values, before = machine_values(model), machine_values(file.model)
-    keys = [key for key in {**values, **before} if values.get(key) != before.get(key)]
-    changes: dict[Steps, object] = {(key,): values.get(key) for key in keys if key != "history"}
-    text, tree = document.data.decode(), load_tree(document).value
-    if len(history) > past:
-        entry = history[-1].model_dump(mode="json", exclude_none=True)
-        changes |= {("history", past): entry} if "history" in tree else {("history",): [entry]}
-        if history[-1].before:
-            written = _as_written(history[-1].before, tree.get(_ACTIVE))
-            changes["history", past, "before"] = written
-    else:
-        if active and (_ACTIVE,) in changes:
-            changes[_ACTIVE,] = _as_written(active, tree["history"][-1]["before"])
-        changes["history", past - 1] = None
-        changes |= {} if history else {(key,): None for key in _ADDED.findall(text)}
+    content, text = load_tree(document), document.data.decode()
+    others = (key for key in values if values[key] != before.get(key))
+    new = {key: values[key] for key in others if key not in content.value}
+    changes = {path: to for path, to in _differences(before, values) if path[0] not in new}
+    changes |= {(key,): value for key, value in new.items()}
+    enters, both = len(history) > len(past), max(past, history, key=len)
+    remark = f"  # added by `orthocal apply`, {both[-1].date}"
+    for name, value in (both[-1].before or {}).items():
+        places: list[Steps] = [(_ACTIVE, name), ("history", len(both) - 1, "before", name)]
+        source, to = places if enters else places[::-1]
+        written = content.at(source)
+        if (enters or to in changes) and written and yaml_number(written) == value:
+            changes[to] = Verbatim(written)
+    if not enters:
+        added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
+        changes |= {(key,): None for key in added}
     then = None
     with suppress(InputError):
-        then = _stored(edited(text, changes, _REMARK), document.path)
+        then = _stored(edited(text, changes, remark), document.path)
     if then is None or machine_values(then.model) != values:  # a rare form of YAML
         then = _stored(machine_text(model), document.path)
     return replace(then, document=replace(then.document, sha256=document.sha256))
 
 
-def _as_written(numbers: Mapping[str, float], texts: Mapping[str, str] | None) -> dict[str, object]:
-    """Numbers as they stand in a group of the file, where it holds the same."""
-    same = {n: t for n, t in (texts or {}).items() if yaml_number(t) == numbers.get(n)}
-    return {**numbers, **{name: Verbatim(text) for name, text in same.items()}}
+def _differences(old: object, new: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
+    """Where two trees of plain values differ, and what the new one has there; None for nothing."""
+    before, after = (dict(enumerate(v)) if isinstance(v, list) else v for v in (old, new))
+    if isinstance(before, dict) and isinstance(after, dict):
+        for step in {**before, **after}:
+            yield from _differences(before.get(step), after.get(step), (*path, step))
+    elif old != new:
+        yield path, new
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     """A machine file with these values, not written yet; the others are the shipped one's.
 
-    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises InputError:
-    they do not make a machine; each with its key, and no line: the file is not there yet.
+    Dotted key → plain value, None to state nothing; without a kind it is an Orthoglide. Raises
+    InputError: they do not make a machine; each with its key, and no line: the file is not there
+    yet.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
-    text = edited(
-        shipped, {(k,): v for k, v in {**values, "history": [], "complete": True}.items()}
-    )
+    values = {**values, "history": [], "complete": True}
+    text = edited(shipped, {tuple(key.split(".")): value for key, value in values.items()})
     try:
         return _stored(text, path)
     except InputError as error:

@@ -272,11 +272,10 @@ class DifferenceRow(Row):
     """A difference as the paper prints it."""
 
     difference: Annotated[str, AfterValidator(_difference_name)]
-    value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
+    value_mm: Length
     simulated: Choice | None = None
 
     noun = "difference"
-    inches = "value_in"
     needed: ClassVar[Mapping[str, str]] = {
         "difference": DIFFERENCE_NAMES,
         "value_mm": "Give the value or remove the row.",
@@ -294,8 +293,7 @@ CODED = {
 }
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
-_BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
-_BLANK_CELL = _BLANKS + "\n\r\v\f"
+_BLANKS = " \t\u00a0\u202f\ufeff\n\r\v\f"  # also those that spreadsheets and web pages leave
 
 
 class Table(Content):
@@ -303,8 +301,8 @@ class Table(Content):
 
     Each is column → text without blanks around it, of cells that are not empty. The header says
     what separates cells: guessing goes wrong on `1,234;5,678`. Blank lines are skipped, and so are
-    lines that start with # and Excel's `sep=;` line. If the first column may hold free text, a #
-    after the header belongs to its text: skipping the line would lose a reading.
+    lines that start with #. If the first column may hold free text, a # after the header belongs to
+    its text: skipping the line would lose a reading.
     """
 
     of_table = True
@@ -316,28 +314,21 @@ class Table(Content):
         self.rows: list[dict[str, str]] = []
         self.value = self.rows
         lines = document.text.split("\n")
-        at, delimiter = 0, ","
-        # From the first line that says anything on; one of Excel says what separates the cells.
-        for at, text in enumerate(lines):
-            plain = text.strip(_BLANKS)
-            if plain.lower().startswith("sep=") and len(plain) <= 5:
-                at, delimiter = at + 1, text.strip(" ")[4:5] or "\t"
-                break
-            if plain and not plain.startswith("#"):
-                delimiter = next((mark for mark in "\t;," if mark in text), ",")
-                break
+        plain = (text.strip(_BLANKS) for text in lines)
+        header = next((text for text in plain if text and not text.startswith("#")), "")
+        delimiter = next((mark for mark in "\t;," if mark in header), ",")
         self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
-        comments = True
+        comments, at = True, 0
         while at < len(lines):
             shown, line = lines[at].strip(), at + 1
-            plain = lines[at].lstrip(_BLANKS)
-            if not plain.strip() or (comments and plain.startswith("#")):
+            text = lines[at].strip(_BLANKS)
+            if not text or (comments and text.startswith("#")):
                 at += 1
                 continue
             rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
             reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
             try:
-                cells = [cell.strip(_BLANK_CELL) for cell in next(reader)]
+                cells = [cell.strip(_BLANKS) for cell in next(reader)]
             except csv.Error as error:
                 what = f"The row cannot be split into cells: {error}."
                 if "end of data" in str(error):
@@ -579,7 +570,7 @@ def readings_in(
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
     readings = readings_of(checked, machine, rows.source, lines)
-    remarks = (*remarks, *rows.remarks, *_remarks(readings, rows.cells, machine))
+    remarks = (*remarks, *rows.remarks, *_remarks(readings, machine))
     return replace(readings, remarks=remarks)
 
 
@@ -716,9 +707,7 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _remarks(
-    readings: Readings, rows: Sequence[Mapping[str, str]], machine: Machine
-) -> Iterator[Reason]:
+def _remarks(readings: Readings, machine: Machine) -> Iterator[Reason]:
     """Remarks on readings in which nothing is wrong."""
     travel = machine.instrument.most_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
@@ -728,16 +717,6 @@ def _remarks(
         yield Reason.of("beyond_range", **counts, range_mm=travel, line=line, value_mm=value)
     if not readings.timed:
         yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
-    if readings.timed or "cycle" in rows[0]:
-        # Cycle or minutes should tell repeats apart.
-        first: dict[frozenset[tuple[str, str]], int] = {}
-        again = []
-        for line, cells in zip(readings.line.tolist(), rows, strict=True):
-            content = frozenset(item for item in cells.items() if item[0] != "seq")
-            if first.setdefault(content, line) != line:
-                again.append({"line": line, "first": first[content]})
-        if again:
-            yield Reason.of("repeated_line", **again[0], count=len(again))
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------

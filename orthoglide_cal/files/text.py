@@ -24,8 +24,7 @@ from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.model.measured import Source
 
-TABLE_LIMIT = 50_000_000  # bytes of a CSV
-YAML_LIMIT = 5_000_000  # bytes of a YAML file; a session of an hour has 20,000
+_LARGEST = 50_000_000  # bytes
 
 # Without tab and line ends: the next message would bring them to the terminal as escape sequences.
 CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
@@ -58,15 +57,15 @@ class FileText:
         return read_document(str(path)) if self.path != "-" and path.is_file() else None
 
 
-def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
-    """Read a text file, or standard input for "-", of at most `limit` bytes.
+def read_document(path: str) -> FileText:
+    """Read a text file, or standard input for "-".
 
     Raises InputError: no such file, a folder, no permission; too large, empty, or no UTF-8 text.
     """
-    return document_from_bytes(read_bytes(path, limit), path, limit)
+    return document_from_bytes(read_bytes(path), path)
 
 
-def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
+def read_bytes(path: str) -> bytes:
     """The bytes of a file, of standard input ("-"), or of the printer.cfg of a Moonraker server.
 
     Raises InputError: no such file, a folder, no permission; the server cannot be reached.
@@ -75,9 +74,9 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         return moonraker.printer_cfg(address)
     try:
         if path == "-":
-            return sys.stdin.buffer.read(limit + 1)
+            return sys.stdin.buffer.read(_LARGEST + 1)
         with Path(path).open("rb") as file:
-            return file.read(limit + 1)
+            return file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
         what = f"The file cannot be read: {system_words(error)}."
         remedy = "Check the path and its permissions."
@@ -88,9 +87,9 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
         raise InputError(what, remedy, file=path) from error
 
 
-def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:
+def document_from_bytes(data: bytes, path: str) -> FileText:
     """The text of `data`. Raises InputError as `read_document` does."""
-    check_size(len(data), path, limit)
+    check_size(len(data), path, _LARGEST)
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)
@@ -115,11 +114,10 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     Raises UsageError: the file exists and may not be replaced; InputError: it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    # Remove temporary files of interrupted writes, once nobody can be writing them; also a second
-    # name of this file.
+    # Remove temporary files of interrupted writes, once nobody can be writing them.
     for left in filter(lambda left: _LEFT.fullmatch(left.name), path.parent.glob(".*.tmp")):
         with suppress(OSError):
-            if time.time() - left.stat().st_mtime > _ABANDONED_S or left.samefile(path):
+            if time.time() - left.stat().st_mtime > _ABANDONED_S:
                 left.unlink()
     try:
         replaces = path.exists()
@@ -133,10 +131,9 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         if replaces:
             _keep_owner(path, temporary)
             shutil.copymode(path, temporary)
-        if overwrite:
-            temporary.replace(path)
-        else:
-            _publish(temporary, path)
+        if not overwrite:
+            path.touch(exist_ok=False)  # from here on nobody else can take the name
+        temporary.replace(path)
         with suppress(OSError):  # a new name survives a power loss; Windows keeps a journal of them
             folder = os.open(path.parent, os.O_RDONLY)
             try:
@@ -165,22 +162,6 @@ def _keep_owner(path: Path, other: Path) -> None:
             os.chown(other, wanted.st_uid, wanted.st_gid)
         except PermissionError as error:
             raise PermissionError(error.errno, "it belongs to another user or group") from error
-
-
-def _publish(temporary: Path, path: Path) -> None:
-    """Give a finished file its name. Raises FileExistsError if another file has it.
-
-    A link fails where a rename would replace; file systems without links (USB sticks) get a check
-    and a rename.
-    """
-    try:
-        path.hardlink_to(temporary)
-    except FileExistsError:
-        raise
-    except OSError:
-        if path.exists():
-            raise FileExistsError(str(path)) from None
-        temporary.rename(path)
 
 
 def check_writable(path: Path) -> None:

@@ -16,8 +16,9 @@ import yaml
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Content, Steps, dotted
-from orthoglide_cal.files.text import CONTROL, YAML_LIMIT, FileText, check_size
+from orthoglide_cal.files.text import CONTROL, FileText, check_size
 
+YAML_LIMIT = 5_000_000  # bytes; a session of an hour has 20,000
 _DEPTH = 20
 _TOO_DEEP = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
 _NODES = 60_000  # 2,500 readings with every field; read in half a second
@@ -108,17 +109,14 @@ def load_tree(file: FileText) -> Content:
     return tree
 
 
-def yaml_text(value: object, flow: bool | None = None) -> str:
-    """YAML of plain values, in the order given, as `load_tree` reads it back.
-
-    With `flow` it is all in braces and brackets; without, only groups of nothing but scalars are.
-    """
+def yaml_text(value: object) -> str:
+    """YAML of plain values, in the order given, as `load_tree` reads it back."""
     # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
     apart = json.loads(json.dumps(value))
     written: str = yaml.dump(
         apart,
         Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper),
-        default_flow_style=flow,
+        default_flow_style=None,
         sort_keys=False,
         allow_unicode=True,
         width=1000,
@@ -137,9 +135,8 @@ def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
 
     Args:
         text: of a file that `load_tree` reads, with a group at its top.
-        changes: path → plain value, or `Verbatim`; None takes an entry out. A group whose keys are
-            all there is changed key by key; any other value takes the place of the old one as a
-            whole. A new entry comes last, but for `complete`.
+        changes: path → plain value, or `Verbatim`; None takes an entry out. A value takes the place
+            of the old one as a whole. A new entry comes last, but for `complete`.
         remark: behind the first line of a new entry.
     """
     for path, value in changes.items():
@@ -154,41 +151,20 @@ def _changed(text: str, path: Steps, value: object, remark: str) -> str:
         holder, group = _entries(group)[step]
     assert group is not None
     entries, step = _entries(group), path[-1]
-    if step not in entries:
-        return _added(text, holder, group, step, value, remark)
-    key, node = entries[step]
-    if isinstance(value, Mapping) and value and value.keys() <= _entries(node).keys():
-        return edited(text, {(*path, name): inner for name, inner in value.items()})
-    if value is not None:
-        return _replaced(text, key, node, value)
-    if holder and len(entries) == 1:
-        return _replaced(text, holder, group, [])
-    if not _is_block(group):  # with the comma before it
-        return text[: _end([*entries.values()][-2][1])] + text[_end(node) :]
-    start = text.rfind("\n", 0, key.start_mark.index)
-    return text[:start] + text[_line_end(text, _end(node)) :]
-
-
-def _added(
-    text: str,
-    holder: yaml.Node | None,
-    group: yaml.Node,
-    step: str | int,
-    value: object,
-    remark: str,
-) -> str:
-    """With a new entry of the group behind a key."""
-    new, entries = {step: value} if isinstance(step, str) else [value], _entries(group)
-    if holder and not entries:
-        return _replaced(text, holder, group, new)
-    last = [name for name in entries if name != "complete"][-1]
-    end = _end(entries[last][1])
-    if not _is_block(group):
-        return f"{text[:end]}, {yaml_text(new, flow=True).strip()[1:-1]}{text[end:]}"
-    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text(new)
-    end, (first, *more) = _line_end(text, end), lines.splitlines()
+    if step in entries and value is not None:
+        return _replaced(text, *entries[step], value)
+    if holder and len(entries) == (step in entries):
+        first = {step: value} if isinstance(step, str) else [value]
+        return _replaced(text, holder, group, [] if entries else first)
+    if step in entries:  # the line end before it goes with it: the last line may have none
+        key, node = entries[step]
+        start = text.rfind("\n", 0, key.start_mark.index)
+        return text[:start] + text[_line_end(text, _end(node)) :]
+    last = [node for name, (_, node) in entries.items() if name != "complete"][-1]
+    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text([value])
+    end, (line, *more) = _line_end(text, _end(last)), lines.splitlines()
     margin = "\n" + " " * group.start_mark.column
-    return margin.join((text[:end], first + remark, *more)) + text[end:]
+    return margin.join((text[:end], line + remark, *more)) + text[end:]
 
 
 def _replaced(text: str, key: yaml.Node, node: yaml.Node, value: object) -> str:

@@ -20,11 +20,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from operator import attrgetter
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, UNLISTED, PatternCause, RelabelCause
-from orthoglide_cal.causes.record import Misread
+from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_optimum, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
@@ -70,7 +70,7 @@ class Candidates:
     broad: tuple[Cause, ...]  # causes with machine-wide parameters
     pairs: tuple[tuple[Cause, ...], ...]  # of them, those that may act together
     # Causes that add one pattern at one of many places, then those that relabel.
-    extras: tuple[PatternCause | RelabelCause, ...]
+    extras: tuple[Cause, ...]
     log_prior: Mapping[Ids, float]  # ln prior weight of each set of ids
 
     @classmethod
@@ -95,11 +95,9 @@ class Candidates:
             # What such readings hold of themselves.
             if not (cause.timed and cause.id in model.machine.unobservable)
         ]
-        extras: tuple[PatternCause | RelabelCause, ...] = (
-            *(cause for cause in usable if isinstance(cause, PatternCause)),
-            *(cause for cause in usable if isinstance(cause, RelabelCause)),
-        )
-        broad = tuple(cause for cause in usable if cause not in extras)
+        placed = (cause for cause in usable if cause.placed)
+        extras = tuple(sorted(placed, key=attrgetter("exchanges")))
+        broad = tuple(cause for cause in usable if not cause.placed)
         of_machine = [cause for cause in broad if cause.in_machine]
         contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
         beside = [cause for cause in broad if cause.id in model.machine.companions]
@@ -192,7 +190,7 @@ class Whitened(ReadOnly):
         """W, shape (k, n)."""
         return self.problem.matrix
 
-    def places(self, extras: Iterable[PatternCause | RelabelCause]) -> list[Placed]:
+    def places(self, extras: Iterable[Cause]) -> list[Placed]:
         """Places of each extra; most act the same whenever the readings were taken."""
         problem = whenever = self.problem
         if self.raw:
@@ -224,7 +222,7 @@ class Whitened(ReadOnly):
         """Root mean square of a whitened residual over readings, or differences, weighed [mm]."""
         return rms(self.weight * self.plain(residual))
 
-    def relabelled(self, values: Floats, *changes: tuple[RelabelCause, Place]) -> Floats:
+    def relabelled(self, values: Floats, *changes: tuple[Cause, Place]) -> Floats:
         """Whitened values (k,) with signs or labels exchanged, or put right again, (changes, k)."""
         plain = self.matrix.T @ values
         changed = np.empty((len(plain), len(changes)))
@@ -277,7 +275,7 @@ def unit_of(effects: Sequence[Effect]) -> float:
 class Placed:
     """Data, not an explanation: where an extra cause may act, its weights, columns or versions."""
 
-    cause: PatternCause | RelabelCause
+    cause: Cause
     tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it
     first: int  # number of the version of the data with the first of them undone
     log_weight: Mapping[Place, float]  # ln of what the density of the data is multiplied by
@@ -292,7 +290,7 @@ class Placed:
         """
         size, at = divmod(number, len(self.tried))
         cause, count = self.cause, np.array([*self.cause.counts][size : size + 1], np.float64)
-        if others and isinstance(cause, Misread):
+        if others:
             cause = cause.several(len(others) + 1)
         return cause.at(count, (*others, *self.tried[at]))
 
@@ -309,7 +307,7 @@ class Placed:
 
 
 @functools.lru_cache(maxsize=32)
-def places_of(problem: Problem, cause: PatternCause | RelabelCause) -> Placed:
+def places_of(problem: Problem, cause: Cause) -> Placed:
     """Places of an extra, whatever the data, and W·pattern of all places of a pattern cause.
 
     Each place with ln of what the density of the data there is multiplied by: its prior share; and
@@ -327,8 +325,8 @@ def places_of(problem: Problem, cause: PatternCause | RelabelCause) -> Placed:
     tried = tuple(place for place in places if cause.reversible(plan, place))
     others = tuple(place for place in places if not cause.reversible(plan, place))
     patterns = None
-    if isinstance(cause, PatternCause) and places:
-        patterns = Places(matrix, cause.patterns(plan, places))
+    if places and (shown := cause.patterns(plan, places)) is not None:
+        patterns = Places(matrix, shown)
     return Placed(cause, tried, 0, weights, others, patterns)
 
 
@@ -366,7 +364,7 @@ class Linearised(ReadOnly):
         undone = [
             (placed.cause, place)
             for placed in places
-            if isinstance(placed.cause, RelabelCause)
+            if placed.cause.exchanges
             for place in placed.tried
             if placed.cause.unit_mm(place) in (1.0, white.unit_mm)
         ]
@@ -379,7 +377,7 @@ class Linearised(ReadOnly):
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras, first = dict[str, Placed](), 1
         for placed in places:
-            if isinstance(placed.cause, RelabelCause):
+            if placed.cause.exchanges:
                 tried = tuple(place for cause, place in possible if cause is placed.cause)
                 placed, first = replace(placed, tried=tried, first=first), first + len(tried)
             extras[placed.cause.id] = placed

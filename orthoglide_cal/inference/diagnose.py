@@ -15,7 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import fdtrc
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.accuracy import Scatter, scatter_of_repeats
@@ -523,7 +523,7 @@ class Diagnosis(Decision):
             return self.alone.predicted_mm
         for effect in fit.effects:
             cause, place = effect.cause, effect.place
-            if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
+            if cause.exchanges and cause.reversible(white.plan, place):
                 left = white.relabelled(left, (cause, place))[0] / cause.unit_mm(place)
         return read_only(self.measured.value - white.plain(left)[white.in_file])
 
@@ -623,7 +623,7 @@ class Diagnosis(Decision):
         if causes and not white.raw:
             count, unknowns = len(self.measured), sum(len(cause.names) for cause in causes)
             yield Reason.of("few_differences", count=count, spare=count - 3, unknowns=unknowns)
-        if white.raw and any(isinstance(cause, PatternCause) for cause in causes):
+        if white.raw and any(cause.placed and not cause.exchanges for cause in causes):
             yield Reason.of("measure_again")
         yield from self.remarks
         if white.texture is None:

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
-from orthoglide_cal.causes import UNLISTED, PatternCause
+from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
@@ -302,7 +302,7 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
     version = hypothesis.version
     # What one unit of an extra of unknown size does.
     free, free_size = np.zeros((len(at.white), 0)), np.zeros(0)
-    if extra is not None and isinstance(extra.cause, PatternCause) and not extra.theta.size:
+    if extra is not None and not extra.theta.size and not extra.cause.exchanges:
         free = at.extras[extra.cause.id].columns(extra.place)
         free_size = extra.cause.prior_std(at.white.machine) * max(BLUNDER_SCALES)
     # Undone, other offsets fit: what is uncertain of the data acts as with those.

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
@@ -157,7 +156,7 @@ class Hypothesis:
     @cached_property
     def version(self) -> int:
         """Number of the version of the data that it explains."""
-        if self.extra is None or self.replanned or not isinstance(self.extra.cause, RelabelCause):
+        if self.extra is None or self.replanned or not self.extra.cause.exchanges:
             return 0
         placed = self.at.extras[self.extra.cause.id]
         return placed.first + placed.tried.index(self.extra.place)
@@ -166,7 +165,7 @@ class Hypothesis:
     def added(self) -> Floats:
         """What an extra of known size adds to the data, shape (k,) [mm]."""
         extra = self.extra
-        if extra is None or not extra.theta.size or not isinstance(extra.cause, PatternCause):
+        if extra is None or not extra.theta.size:
             return read_only(np.zeros(len(self.at.white)))
         size = extra.theta * extra.cause.millimetres(self.at.white.machine)
         return read_only(self.at.extras[extra.cause.id].columns(extra.place) @ size)
@@ -403,7 +402,7 @@ def _at_best_place(
     """
     cause, places = placed.cause, len(placed.tried)
     sizes = 1
-    if isinstance(cause, PatternCause):
+    if placed.patterns is not None:
         sizes = len(cause.counts or BLUNDER_SCALES)
         logs = pattern_densities(at, placed, density, at.residuals[0], by_version[..., 0])
     else:
@@ -444,7 +443,7 @@ def pattern_densities(
     places that add nothing to the likeliest one.
     """
     cause, machine = placed.cause, at.white.machine
-    if not isinstance(cause, PatternCause) or placed.patterns is None:
+    if placed.patterns is None:
         return
     every = density.overlap(placed.patterns, residual)
     data = density.overlap(residual[..., None], residual)
@@ -468,7 +467,7 @@ def pattern_densities(
 
 
 def pattern_density(
-    machine: Machine, cause: PatternCause, power: Floats, match: Floats, without: Floats
+    machine: Machine, cause: Cause, power: Floats, match: Floats, without: Floats
 ) -> Floats:
     """Log density with a cause's pattern c at each size and place, and ln of the size's share.
 

@@ -20,7 +20,7 @@ from pydantic import Field, computed_field
 
 from orthoglide_cal.model.kinematics import Command, Geometry
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, ReadOnly
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, Patterns, ReadOnly
 from orthoglide_cal.schema import Number, Schema
 
 
@@ -96,6 +96,7 @@ class Cause:
     # of any value.
     counts: Mapping[int, float] = MappingProxyType({})
     positive: bool = False  # its parameters cannot be negative
+    placed: bool = False  # it acts at one of its places, not on the whole machine
     lasting: bool = False  # the same machine still has it in the next session
     compensable: bool = False  # a controller can compensate it
     by_joint: bool = False  # it moves a carriage by what its position and direction alone decide
@@ -189,6 +190,11 @@ class Cause:
         return len(self.names) + len(self.nuisance)
 
     @property
+    def exchanges(self) -> bool:
+        """True if it has no size: it exchanges readings, their signs or their unit."""
+        return not self.unknowns
+
+    @property
     def freedom(self) -> int:
         """The same without those that are smaller than the first."""
         return self.shares[0].count(1.0) if self.shares else self.unknowns
@@ -209,9 +215,25 @@ class Cause:
         """How likely it is at a place; 1 at most places."""
         return 1.0
 
+    def several(self, count: int) -> Self:
+        """Errors of so many readings, each by itself, of one that hides a reading."""
+        return self
+
     def unit_mm(self, place: Place) -> float:
         """The unit that was written down [mm]."""
         return 1.0
+
+    def millimetres(self, machine: Machine) -> float:
+        """One unit of its size in what its patterns are multiplied by."""
+        return 1.0
+
+    def patterns(self, plan: AnyPlan, places: tuple[Place, ...]) -> Patterns | None:
+        """Readings added by one internal unit at each place, shape (n, places); None: not known."""
+        return None
+
+    def relabel(self, plan: AnyPlan, place: Place) -> tuple[Ints, Floats]:
+        """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
+        return np.arange(len(plan)), np.ones(len(plan))
 
     def reversible(self, plan: AnyPlan, place: Place) -> bool:
         """True if the data can express it: no reading was taken of something else than the plan."""

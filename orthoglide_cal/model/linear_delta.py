@@ -378,7 +378,6 @@ class LinearDelta(Machine):
         " edge, evenly around. More places, or heights, show how sure that is. A series at one"
         " place says how the probe scatters and drifts once it stands with them in one file.",
         noise="probe",
-        repeats="Repeats alone{p} understate the scatter: they touch the same spots.",
         again="Clean bed and nozzle and probe again: more places, spread over the whole bed. Few"
         " places fit nearly anything, and cannot show what is wrong.",
         probing="Klipper: DELTA_CALIBRATE or BED_MESH_CALIBRATE, then SAVE_CONFIG, and bring"
@@ -387,9 +386,7 @@ class LinearDelta(Machine):
         " orthocal diagnose FILE",
         also=" and the bed's local shape",
         positions="places",
-        instruments="probe",
         repeat="Probe more places",
-        finer="a probe with finer steps",
         compare="Probe again, and compare",
         further="more places, and on blocks of two known heights",
     )

@@ -286,13 +286,10 @@ class Vocabulary:
     recheck: str  # what to look at where a value is impossible
     more: str  # which readings would determine more
     fewest: str | None  # which determine all of it; None where the missing ones can be named
-    noise: str  # whose noise the readings have: "gauge"
-    repeats: str  # what the scatter of repeats does not hold; "{p}" stands for its p value
+    noise: str  # what reads, and whose noise the readings have: "gauge"
     again: str  # what to do where nothing explains the readings
     positions: str  # at what readings are taken: "postures"
-    instruments: str  # what reads, as a page names it: "gauges"
     repeat: str  # how to reduce noise
-    finer: str  # what shows smaller steps
     compare: str  # what to do once the new values are used
     further: str  # what besides the usual readings would distinguish causes
     measure: str = ""  # the command that guides through a measurement; empty for none

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_shared
 from orthoglide_cal.inference.data import Candidates, Placed, Whitened
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
@@ -96,7 +95,7 @@ def _margins(
     # (n, r) [mm] to the readings, written down in a unit (r,) [mm]; and the share of each (r,).
     truths = []
     for cause in causes:
-        if isinstance(cause, RelabelCause):
+        if cause.exchanges:
             tried = extras[cause.id].tried
             unit, share = np.array([(cause.unit_mm(at), cause.share(at)) for at in tried]).T
             effects = (cause.at(np.zeros(0), at) for at in tried)
@@ -111,7 +110,7 @@ def _margins(
     steady = steadiness(units)
     changed = readings + changes.T
 
-    def undone(cause: RelabelCause, place: Place) -> Floats:
+    def undone(cause: Cause, place: Place) -> Floats:
         """Cost of each change if this exchange is behind it, shape (r,)."""
         right = cause.inverted(changed, cause.at(np.zeros(0), place), plan, machine)
         rest = leaves @ (right - readings).T
@@ -119,7 +118,7 @@ def _margins(
 
     costs = [
         np.min([undone(cause, place) for place in extras[cause.id].tried], axis=0)
-        if isinstance(cause, RelabelCause)
+        if cause.exchanges
         else _cost(leaves @ columns[cause.id], left, cause, machine) + steady
         for cause in causes
     ]
@@ -136,7 +135,7 @@ def _cost(columns: Floats, left: Floats, cause: Cause, machine: Machine) -> Floa
     negative the best choice acts, the others are zero; whole numbers cost what they are rarer than
     the most frequent ones.
     """
-    if isinstance(cause, PatternCause) and cause.counts:
+    if cause.counts:
         pattern, without = columns[..., 0].T, -0.5 * (left**2).sum(axis=0)[:, None]
         both = (pattern**2).sum(axis=0), (left.T @ pattern)[:, None]
         log = pattern_density(machine, cause, *both, without).max(axis=(1, 2, 3))
@@ -164,6 +163,6 @@ def _plausible(cause: Cause, machine: Machine) -> Floats:
     others = product((1.0, -1.0), repeat=cause.freedom - first)
     small = (0.0,) * (cause.unknowns - cause.freedom)
     signs = np.array([(*(1.0 for _ in range(first)), *rest, *small) for rest in others])
-    if isinstance(cause, PatternCause) and cause.counts:
+    if cause.counts:
         return signs * cause.millimetres(machine)
     return signs * cause.prior_std(machine)

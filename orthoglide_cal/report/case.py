@@ -164,11 +164,17 @@ class Case:
         return command(verb, self.source.path, machine=self.given.machine_file)
 
     @property
+    def for_controllers(self) -> bool:
+        """False for what was practised: no line of it is for a controller."""
+        return not (self.answer.simulated or self.machine.practice)
+
+    @property
     def table(self) -> str | None:
         """The command for a table that corrects what offsets leave; None where none would."""
         left = "remains" in self.answer.release.codes
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
-        return self.typed("export", "--format table") if known and left else None
+        wanted = known and left and self.for_controllers
+        return self.typed("export", "--format table") if wanted else None
 
 
 def check_words(check: CheckReading) -> str:
@@ -293,9 +299,9 @@ def signed_page(
         number=identity.number,
         facts=doc.Facts((*stated(machine, OWNER), number, issued)),
         sheet=[doc.Section(None, strip)],
-        scope=f"The results relate only to the machine and the {words.instruments} named here, as"
-        f" they were when measured, and to the {words.positions} and conditions stated. The report"
-        " is valid only with all its pages: reproduce it only in full.",
+        scope="The results relate only to the machine and the instruments named here, as they were"
+        f" when measured, and to the {words.positions} and conditions stated. The report is valid"
+        " only with all its pages: reproduce it only in full.",
         simulated=simulated,
     )
 

@@ -18,8 +18,9 @@ MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stan
 # What must not break: a date, a coordinate behind its sign, a value behind its name and before its
 # uncertainty.
 _U = r"± \d[\d.]*(?: (?:mm|µm|mrad)(?:/\w+)?\b)?"
-_SIGNED = rf"(?:(?<!\S)\w+ )?(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: {_U})?"
-_WHOLE = re.compile(rf"(\d{{4}}-\d\d-\d\d|(?:[<>] )?\d[\d.]* %|{_SIGNED}|{_U})")
+_VALUE = rf"(?:(?<!\S)\w+ )?(?<![\w.])(?:[A-Z]?[-+−]\d[\d.]*(?: {_U})?|\d[\d.]* {_U})"
+_CHANCE = r"\b[pk] [=<>] \d[\d.]*"
+_WHOLE = re.compile(rf"(\d{{4}}-\d\d-\d\d|(?:[<>] )?\d[\d.]* %|{_CHANCE}|{_VALUE}|{_U})")
 
 
 def html(page: doc.Page) -> str:

@@ -43,7 +43,7 @@ from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
+from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Entered, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -56,7 +56,7 @@ from orthoglide_cal.words import listed
 PLAIN = 0.2
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
-ONE_SIDED = half_width(math.inf, 0.9)
+ONE_SIDED = half_width(math.inf, 2.0 * CONFIDENCE - 1.0)
 
 Sizes = tuple[Estimate, ...]
 

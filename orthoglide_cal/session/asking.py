@@ -1,6 +1,7 @@
 """Questions and their answers: keyboard and gauge together, behind one `ask`."""
 
 import math
+import re
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -258,7 +259,9 @@ class Asker:
         text, at = line.text.strip(), line.ended
         by_hand = 0 < len(text) * BY_HAND_S <= at - line.begun
         early = source.is_early(line.begun, self._shown, by_hand)
-        readings = source.hear(at, early, by_hand) if text or early else None
+        # A key is no message of a gauge.
+        heard = early or source is self._gauges or re.search(r"\d", text)
+        readings = source.hear(at, early, by_hand) if heard else None
         gone = source.ignore(at) if early else None
         if readings is not None:
             self._unasked = Unasked(readings) if readings or not source.sends else None

@@ -138,7 +138,7 @@ def decode(data: bytes, path: str | Path) -> Journal:
                 remedy = "Use the orthocal that wrote it, or restore the file from a copy."
             elif number == 1:
                 fault = "This is not the journal of a session."
-                remedy = "Name the session file, such as session.yaml."
+                remedy = "Restore the file from a copy, or begin a new session."
             raise InputError(fault, remedy, file=str(path), line=number) from error
         events.append(event)
         checksum = after

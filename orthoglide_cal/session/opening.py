@@ -327,7 +327,7 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
     if first and (hidden is None or request.seed not in (None, hidden)):
         raise UsageError(
             f"{first.path} was not measured on this simulated machine.",
-            "Leave out --gauge and --seed: the same simulated machine is measured.",
+            f"Leave out --gauge and --seed{': it is measured again' if drawn else ''}.",
         )
     seeds = (hidden, request.seed, secrets.randbelow(1_000_000))
     return source, next(seed for seed in seeds if seed is not None)

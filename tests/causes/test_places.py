@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.cause import Cause, Place
 from orthoglide_cal.model.contrasts import zero_free
 from orthoglide_cal.model.model import Model, simulate
@@ -17,8 +17,8 @@ from tests.truth.effects import Effect, contact_shift, state_with, write_down
 
 PLAN = double_posture(PROTOTYPE)
 MIXED = PLAN.subset(np.random.default_rng(2).permutation(len(PLAN)))
-RELABELS = [cause for cause in CAUSES.values() if isinstance(cause, RelabelCause)]
-PATTERNS = [cause for cause in CAUSES.values() if isinstance(cause, PatternCause)]
+RELABELS = [cause for cause in CAUSES.values() if cause.exchanges]
+PATTERNS = [cause for cause in CAUSES.values() if cause.placed and not cause.exchanges]
 every_relabel = pytest.mark.parametrize("cause", RELABELS, ids=[c.id for c in RELABELS])
 
 
@@ -58,7 +58,7 @@ def test_faults_of_the_measurement_are_those_of_the_truth(
     mine = as_plan(plan)
     record = written(CAUSES[id], size, place, mine, simulate(model, offsets, mine) + zeros)
     assert np.abs(record - true).max() < 1e-9
-    if isinstance(cause := CAUSES[id], PatternCause):
+    if not (cause := CAUSES[id]).exchanges:
         spoiled = cause.spoiled(place, mine).tolist()
         assert spoiled == np.flatnonzero(np.abs(true - surface) > 1e-9).tolist()
     assert np.abs(record - surface).max() > 0.05
@@ -111,9 +111,7 @@ def test_turns_are_those_of_the_dial_and_counted_in_whole_numbers() -> None:
 
 def test_places_are_counted_from_the_plan() -> None:
     count = {id: len(cause.places(PLAN, PROTOTYPE)) for id, cause in CAUSES.items()}
-    wide = {
-        id for id, cause in CAUSES.items() if not isinstance(cause, PatternCause | RelabelCause)
-    }
+    wide = {id for id, cause in CAUSES.items() if not cause.placed}
     # The shares of all others count in the evidence of `tests.inference.test_hypothesis`.
     assert {count[id] for id in wide} == {1}
     assert (count["exchanged_columns"], count["wrong_unit"]) == (1, 4)
@@ -164,7 +162,7 @@ def test_labels_count_in_time_and_name_any_displacement() -> None:
 
 @every_relabel
 @pytest.mark.parametrize("plan", [PLAN, MIXED], ids=["in time", "mixed"])
-def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: RelabelCause, plan: GaugePlan) -> None:
+def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: Cause, plan: GaugePlan) -> None:
     """On contrasts W of the record it acts as W T Wᵀ: zeros of any size have no part in it."""
     rng, contrasts = np.random.default_rng(6), zero_free(plan)
     clean = simulate(NOMINAL, np.array([0.6, -0.9, 0.3]), plan) + rng.normal(0.0, 0.1, len(plan))

@@ -284,6 +284,8 @@ def test_a_machine_file_for_practice_reaches_no_controller() -> None:
     real = Path("mill.yaml").read_bytes()
     Path("machine.yaml").write_bytes(real + b"practice: true\n")
     by = "--machine", "machine.yaml"
+    assert "orthocal export" in done("solve", "before.csv", "--machine", "mill.yaml", "--details")
+    assert "orthocal export" not in done("solve", "before.csv", *by, "--details")
     for command in (["export"], ["apply", "--to", "mill.ini", "--yes"]):
         assert "made for practice" in refused(4, *command, "before.csv", *by)
     assert Path("mill.ini").read_text(encoding="utf-8") == INI

@@ -160,3 +160,10 @@ def test_an_interrupted_question_leaves_nothing(tmp_path: Path) -> None:
         terminal.child.sendintr()
         assert terminal.finish() == 130
     assert not (tmp_path / "machine.yaml").exists()
+
+
+def test_alone_it_shows_first_how_to_correct_the_machine_file() -> None:
+    Path("machine.yaml").write_text("kind: orthoglide\nleg_lenght_mm: 310\n", encoding="utf-8")
+    shown = done()
+    assert "machine.yaml cannot be used" in shown
+    assert re.findall("orthocal [a-z].*", shown) == ["orthocal validate machine.yaml"]

@@ -44,10 +44,10 @@ def test_the_papers_experiments():
 
 def test_other_ways_to_write_the_same(tmp_path):
     read = differences(
-        tmp_path, "Difference ; Value_in\r\n# c\r\ndX_Y+;\u22120,01\r\n\r\n d x_y\u2212 ;0.02\r\n"
+        tmp_path, "Difference ; Value_mm\r\n# c\r\ndX_Y+;\u22120,01\r\n\r\n d x_y\u2212 ;0.02\r\n"
     )
     assert [difference.name for difference in read.which] == ["dx_y+", "dx_y-"]
-    assert read.value.tolist() == [-0.254, 0.508]
+    assert read.value.tolist() == [-0.01, 0.02]
 
 
 @pytest.mark.parametrize(

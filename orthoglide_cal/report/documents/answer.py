@@ -378,8 +378,7 @@ def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
 def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
-    # No line of simulated readings is for a controller.
-    export = None if case.answer.simulated else case.typed("export", f"--format {format}")
+    export = case.typed("export", f"--format {format}") if case.for_controllers else None
     recorded = recording(case.given)
     if recorded == "done":
         yield f"The machine file records that the {words.many} are entered. {words.restart}"
@@ -764,8 +763,8 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     }
     known = (f"{name} {plain(mm, 4)}" for name, mm in sizes.items() if mm)
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-    alone = "" if noise.repeats_mm is None else f" {words.repeats.format(p=p)}"
-    yield "Noise, mm", f"{', '.join(known)}.{alone}"
+    alone = f" Repeats alone{p} understate the scatter: same set-up."
+    yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
     if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
         yield from ((e.id, case.title_of(e.id, len(e.parameters))) for e in answer.causes)
     if answer.causes and (nothing := nothing_wrong(answer.explanations)) is not None:

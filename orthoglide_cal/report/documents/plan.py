@@ -131,8 +131,7 @@ def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
-    chosen, machine = plan.chosen, plan.model.machine
-    typed = partial(_command, machine=machine_file, begun=begun)
+    chosen, typed = plan.chosen, partial(_command, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
         yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
@@ -147,13 +146,17 @@ def _to_do(
         yield doc.step("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
         yield doc.step("Measure it", typed(chosen))
-    elif not chosen.plan.touches.all():
-        yield machine.vocabulary.probing
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.step(text, typed(chosen))
         result = command("diagnose", _PLACES, machine=machine_file)
         yield doc.step("See the result", result)
+        design = plan.design
+        if design is not None and design.name != chosen.name:
+            surely = "" if (design.rivals_sigma or 0.0) >= CERTAIN_SIGMA else ", if not surely"
+            rivals = " from ".join(plan.model.machine.rivals)
+            size = f"{design.readings} readings, {design.minutes:.0f} min"
+            yield doc.step(f"Or distinguish {rivals}{surely}: {size}", typed(design))
 
 
 def _command(forecast: SessionForecast, machine: Path | None, begun: Case | None) -> str:
@@ -230,8 +233,8 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
     else:
         help_ = "hardly help" if stays > 0.87 else "help little"
         yield f"More {more} {help_}: {_stays(plan, floor)}"
-    rivals = " and ".join(plan.model.machine.rivals)
-    if sigma is not None:
+    if sigma is not None and sigma >= TRACE_SIGMA:
+        rivals = " and ".join(plan.model.machine.rivals)
         surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
         yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
     if plan.invisible:
@@ -241,14 +244,9 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
     if near:
         rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
         yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
-    best = plan.design
-    if best is None or best.name == plan.chosen.name:
-        return
-    size = f"{best.readings} readings, {best.minutes:.0f} min"
-    if plan.gauges is None:
-        surely = "" if (best.rivals_sigma or 0.0) >= CERTAIN_SIGMA else ", if not surely"
-        yield f"To distinguish {rivals}{surely}: {size} (--layout {best.name})."
-    elif best.minutes < plan.chosen.minutes:
+    best, chosen = plan.design, plan.chosen
+    if best and best.session and best.name != chosen.name and best.minutes < chosen.minutes:
+        size = f"{best.readings} readings, {best.minutes:.0f} min"
         yield f"Shorter: {size} (--design best); some faults show less."
 
 
