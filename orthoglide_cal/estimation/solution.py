@@ -35,7 +35,7 @@ from orthoglide_cal.estimation.methods import (
     simulate_at,
     table_kind,
 )
-from orthoglide_cal.model.cause import CONFIDENCE, Effect
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
@@ -45,8 +45,6 @@ from orthoglide_cal.schema import Reason, Schema
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
-# Below this one they are called larger than usual: words alone, from which nothing follows.
-UNUSUAL = 1.0 - CONFIDENCE
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
 
@@ -84,10 +82,10 @@ class Solution(OffsetEstimate):
         return 0 if self.scatter is None else round(self.scatter.dof)
 
     @property
-    def lack_of_fit_p(self) -> float | None:
-        """Probability of a residual this large from this gauge's noise alone."""
+    def lack_of_fit_p(self) -> float:
+        """Probability of a residual this large from noise alone; 1 without degrees of freedom."""
         if self.scatter is None:
-            return None
+            return 1.0
         sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
         return chance_of_residual(sum_of_squares, self.scatter.dof, self.stated_mm)
 
@@ -169,22 +167,6 @@ class Solution(OffsetEstimate):
         left = self.data - predicted - jacobian @ self.offsets_mm
         left = self.method.estimator(problem) @ left / self.budget.std_mm
         return bool(np.abs(left).max() <= OPTIMAL)
-
-    @property
-    def judgement(self) -> Reason:
-        """Statement on whether the residuals are what this gauge's noise would give."""
-        return judgement_of(self.lack_of_fit_p, self.sigma_residuals_mm, self.stated_mm)
-
-
-def judgement_of(p_value: float | None, scatter_mm: float | None, stated_mm: float) -> Reason:
-    """Statement on residuals that noise as stated exceeds with this chance; None: none are left."""
-    if p_value is None:
-        return Reason.of("no_spare_readings", stated_mm=stated_mm)
-    code = "residuals_agree"
-    if p_value < UNUSUAL:
-        code = "residuals_too_large" if p_value < SUSPICIOUS else "residuals_unusual"
-    sizes = {"scatter_mm": scatter_mm, "stated_mm": stated_mm, "p_value": p_value}
-    return Reason.of(code, **sizes)
 
 
 def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:

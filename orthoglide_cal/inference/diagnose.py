@@ -581,7 +581,7 @@ class Diagnosis(Decision):
         return LackOfFit(
             statistic=dof * size**2 / noise**2,
             dof=dof,
-            p_value=1.0 if p_value is None else p_value,
+            p_value=p_value,
             repeats_p_value=chance,
             repeats_mm=None if repeats is None else repeats.sigma_mm,
             left_mm=left,

@@ -10,9 +10,9 @@ from pydantic import Field, computed_field
 
 from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
-from orthoglide_cal.estimation.solution import judgement_of
+from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.cause import CONFIDENCE, Estimate
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
@@ -20,6 +20,8 @@ from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 # Probability from which it is told that nothing may be wrong at all: to read it costs less than to
 # look in vain for a fault.
 WORTH_SAYING = MENTION / NEEDLESS_HOLD
+# Below this chance residuals are called larger than usual: words alone, nothing follows from them.
+UNUSUAL = 1.0 - CONFIDENCE
 
 
 class Verdict(StrEnum):
@@ -139,7 +141,13 @@ class LackOfFit(Schema):
     @property
     def judgement(self) -> Reason:
         """Statement on whether the residuals are what this gauge's noise would give."""
-        return judgement_of(self.p_value if self.dof else None, self.residual_mm, self.noise_mm)
+        stated = {"stated_mm": self.noise_mm}
+        if not self.dof:
+            return Reason.of("no_spare_readings", **stated)
+        code = "residuals_agree"
+        if self.p_value < UNUSUAL:
+            code = "residuals_too_large" if self.p_value < SUSPICIOUS else "residuals_unusual"
+        return Reason.of(code, scatter_mm=self.residual_mm, **stated, p_value=self.p_value)
 
 
 class FoundCause(Schema):

@@ -35,7 +35,7 @@ from orthoglide_cal.estimation import (
 from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
-from orthoglide_cal.estimation.solution import require_settings
+from orthoglide_cal.estimation.solution import SUSPICIOUS, require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
@@ -473,7 +473,7 @@ def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
     judged = diagnosis.lack_of_fit.judgement
     suspicious = judged.code == "residuals_too_large"
     # As stated, not as widened by the diagnosis to cover what is left.
-    if factor > 1.0 and solution.judgement.code == "residuals_too_large":
+    if factor > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
         yield Reason.of("local_shape", factor=factor)
     elif not solution.dof or (suspicious and diagnosis.verdict is Verdict.CONSISTENT):
         # Without spare readings nothing can contradict or support the offsets. What a named

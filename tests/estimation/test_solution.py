@@ -11,7 +11,6 @@ from itertools import product
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.special import chdtri
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import (
@@ -27,6 +26,7 @@ from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
 from orthoglide_cal.estimation.losses import is_likely, surprising
 from orthoglide_cal.estimation.methods import OPTIMAL
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
@@ -104,13 +104,9 @@ def test_other_data_or_another_machine_are_noticed() -> None:
     ],
 )
 def test_the_judgement_goes_by_the_chance(chance: float, suspicious: bool, words: str) -> None:
-    solution = solve(DOUBLE_SESSION, NOMINAL)
-    sigma = NOMINAL.machine.instrument.noise_mm * np.sqrt(
-        chdtri(solution.dof, chance) / solution.dof
-    )
-    solution = replace(solution, scatter=Scatter(float(sigma), solution.dof))
-    assert (solution.judgement.code == "residuals_too_large") is suspicious
-    assert words in sentences([solution.judgement])[0]
+    lack = diagnose(DOUBLE_SESSION, NOMINAL).lack_of_fit.changed(p_value=chance)
+    assert (lack.judgement.code == "residuals_too_large") is suspicious
+    assert words in sentences([lack.judgement])[0]
 
 
 def test_a_slow_search_ends_where_it_makes_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
