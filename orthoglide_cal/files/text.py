@@ -114,10 +114,11 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     Raises UsageError: the file exists and may not be replaced; InputError: it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    # Remove temporary files of interrupted writes, once nobody can be writing them.
+    # Remove temporary files of interrupted writes, once nobody can be writing them; also a second
+    # name of this file.
     for left in filter(lambda left: _LEFT.fullmatch(left.name), path.parent.glob(".*.tmp")):
         with suppress(OSError):
-            if time.time() - left.stat().st_mtime > _ABANDONED_S:
+            if time.time() - left.stat().st_mtime > _ABANDONED_S or left.samefile(path):
                 left.unlink()
     try:
         replaces = path.exists()
@@ -131,9 +132,10 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         if replaces:
             _keep_owner(path, temporary)
             shutil.copymode(path, temporary)
-        if not overwrite:
-            path.touch(exist_ok=False)  # from here on nobody else can take the name
-        temporary.replace(path)
+        if overwrite:
+            temporary.replace(path)
+        else:
+            _publish(temporary, path)
         with suppress(OSError):  # a new name survives a power loss; Windows keeps a journal of them
             folder = os.open(path.parent, os.O_RDONLY)
             try:
@@ -162,6 +164,22 @@ def _keep_owner(path: Path, other: Path) -> None:
             os.chown(other, wanted.st_uid, wanted.st_gid)
         except PermissionError as error:
             raise PermissionError(error.errno, "it belongs to another user or group") from error
+
+
+def _publish(temporary: Path, path: Path) -> None:
+    """Give a finished file its name. Raises FileExistsError if another file has it.
+
+    A link fails where a rename would replace; file systems without links (USB sticks) get a check
+    and a rename.
+    """
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise
+    except OSError:
+        if path.exists():
+            raise FileExistsError(str(path)) from None
+        temporary.rename(path)
 
 
 def check_writable(path: Path) -> None:

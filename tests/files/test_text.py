@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,27 @@ def test_a_file_that_appears_meanwhile_is_kept(tmp_path, monkeypatch):
     assert path.read_text() == "theirs"
 
 
+def test_a_file_system_without_links(tmp_path, monkeypatch):
+    def refused(self, target):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(Path, "hardlink_to", refused)
+    write_text(tmp_path / "a", "x")
+    assert (tmp_path / "a").read_text() == "x"
+    with pytest.raises(UsageError):
+        write_text(tmp_path / "a", "y")
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_what_an_interrupted_write_left_goes_once_nobody_can_be_writing_it(tmp_path):
+    old, new = (tmp_path / f".b.0123456789a{end}.tmp" for end in "bc")
+    for path, age_s in ((old, 3700.0), (new, 3500.0)):
+        path.touch()
+        os.utime(path, (time.time() - age_s,) * 2)
+    write_text(tmp_path / "a", "x")
+    assert [path.exists() for path in (old, new)] == [False, True]
+
+
 def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
     path, other = tmp_path / "a.ini", tmp_path / "b.ini"
     path.write_text("before")
@@ -104,6 +126,8 @@ def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
         write_text(path, "after", overwrite=True)
     assert other.read_text() == "before"
     other.unlink()
+    # A write that was killed between its two last steps leaves a second name, which is none.
+    (tmp_path / ".a.ini.0123456789ab.tmp").hardlink_to(path)
     wanted = path.stat()
     if os.getuid() == 0:
         os.chown(path, 4321, 1234)
