@@ -4,13 +4,14 @@ Both say the decision and the next steps. Their details are the same; the calibr
 parts of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference import Verdict, nothing_wrong
@@ -56,6 +57,15 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
+_METHODS: Mapping[Method, str] = {
+    Method.READINGS: "all readings at once",
+    Method.SIX: "eq. 25, six equations",
+    Method.TWELVE: "eq. 25, twelve equations",
+    Method.SIX_LINEAR: "eq. 17",
+    Method.TWELVE_LINEAR: "eq. 16",
+    Method.SINGLE: "eq. 10",
+    Method.SINGLE_SEQUENTIAL: "eq. 11",
+}
 _UNLISTED = "something that is not on the list"
 _OPEN_VERDICTS = (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
 # Reasons that a headline says, too: below it stands what they mean.
@@ -747,7 +757,8 @@ def _assumptions(case: Case) -> Iterator[str]:
 def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     """The method, whether the parameters alone explain the data, the noise, and several causes."""
     answer, words, noise, lack = case.answer, case.words, case.answer.noise, case.answer.lack_of_fit
-    yield "Solved by", f"method {answer.method}"
+    method = Method(answer.method or "")
+    yield "Solved by", f"{method} ({_METHODS[method]})"
     if noise is None or lack is None:
         return
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
