@@ -63,7 +63,4 @@ def test_counts():
 @settings(max_examples=200, derandomize=True, deadline=None)
 def test_every_number_reads_back_exactly(value):
     assert yaml_number(number_text(value)) == parse_number(number_text(value)) == value
-
-
-def test_whole_numbers_have_no_point():
     assert number_text(60.0) == "60"

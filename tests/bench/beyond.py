@@ -13,7 +13,7 @@ from tests.truth import Gauge, Machine, Session, bed
 from tests.truth.beyond import HOWS, KINDS, Beyond, Distinction, distinguish, draw_beyond
 
 from .cases import Case
-from .report import MISSES, columns
+from .report import columns
 from .run import run_bench
 from .scoring import Answer, band
 
@@ -219,7 +219,7 @@ def report_beyond(described: Sequence[Described]) -> str:
         ("By place", _table("where", described, lambda item: item.hidden.where.kind)),
         ("Beside", _table("beside", described, lambda item: "".join(item.hidden.session.causes))),
         ("First pattern told", columns(",".join(("hidden", *HOWS, "none")), rows)),
-        ("Wrong descriptions", "\n".join(missed[:MISSES]) or "none"),
+        ("Wrong descriptions", "\n".join(missed) or "none"),
         ("Demands missed", "\n".join(failures_beyond(described)) or "none"),
     )  # fmt: skip
     return "\n\n".join(f"{title}\n{'-' * len(title)}\n{text}" for title, text in parts)

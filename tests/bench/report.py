@@ -15,8 +15,6 @@ HELDOUT_RATIO = (0.8, 1.25)
 FEWEST = 5
 """Sessions from which a held-out ratio is judged: one scatters by about 11 %, five by 5 %."""
 LATER_RATIO = 1.3
-MISSES = 40
-"""So many wrong answers are listed."""
 
 
 def failures(bench: Bench) -> list[str]:
@@ -60,9 +58,8 @@ def full_report(bench: Bench) -> str:
             ("Second session, r.m.s. over one reading's sigma", _heldout_table(bench.later)),
         ]
     wrong = [_miss(item) for item in judged if not item.right]
-    more = [f"… and {len(wrong) - MISSES} more"] if len(wrong) > MISSES else []
     parts += [
-        ("Wrong answers", "\n".join((*wrong[:MISSES], *more)) or "none"),
+        ("Wrong answers", "\n".join(wrong) or "none"),
         ("Demands missed", "\n".join(failures(bench)) or "none"),
     ]
     return "\n\n".join(f"{title}\n{'-' * len(title)}\n{text}" for title, text in parts)
@@ -117,18 +114,12 @@ def _heldout_table(found: Iterable[HeldOut]) -> str:
 def _miss(item: Judged) -> str:
     """A wrongly answered session, with what made it hard."""
     session, far, answer = item.case.session, item.case.separation, item.answer
+    place = " ".join(effect.where for effect in session.effects)
     if isinstance(session, DeltaSession):
-        layout = session.layout
-        place = (
-            f"{layout.places} places, {len(layout.heights)} heights, {layout.cycles} cycles,"
-            f" {1e3 * session.machine.noise:g} µm"
-        )
-    else:
-        place = " ".join(effect.where for effect in session.effects)
+        place = str(session.layout)
     stands = ""
     if far:
         stands = f" {far.distance:.1f} from {far.nearest}, {far.visible:.1f} from healthy"
-        stands += f", own {far.own:.1f}"
     also = ",".join(sorted(answer.mentioned - set(answer.ids)))
     said = f"{answer.verdict} {','.join(answer.ids)}" + (f" (or {also})" if also else "")
     return f"{item.case.name} [{item.kind}] {place}{stands}: {said} {answer.said.get('error', '')}"

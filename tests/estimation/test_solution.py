@@ -16,7 +16,6 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
     fit_offsets,
-    fit_parameters,
     methods,
     promise,
     solve,
@@ -46,7 +45,6 @@ from tests.estimation.sessions import (
     problem_of,
     readings,
 )
-from tests.inference.sessions import known
 from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE, sure
 from tests.planning.test_forecast import true_readings
 from tests.readings import readings_of, some
@@ -107,19 +105,6 @@ def test_the_judgement_goes_by_the_chance(chance: float, suspicious: bool, words
     lack = diagnose(DOUBLE_SESSION, NOMINAL).lack_of_fit.changed(p_value=chance)
     assert (lack.judgement.code == "residuals_too_large") is suspicious
     assert words in sentences([lack.judgement])[0]
-
-
-def test_a_slow_search_ends_where_it_makes_no_difference(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A misread reading of 220 mm and an encoder scale: a step of 7 nm is left after 100 others."""
-    session = truth.make_session(31, truth.PROTOTYPE, truth.DIAL, ("encoder_scale",))
-    measured, model = known(session)
-    value = measured.value.copy()
-    value[31] += 220.0
-    solution = fit_parameters(replace(measured, value=value), model)
-    problem, data = solution.problem, solution.data
-    assert problem.remaining(data, solution.offsets_mm) <= OPTIMAL
-    monkeypatch.setattr(methods, "MAX_ITERATIONS", 50)
-    assert not fit_offsets(problem, data).converged
 
 
 EXPERIMENT_1 = experiment(1).value

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
@@ -22,7 +21,7 @@ from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, design_of
 from tests import truth
 from tests.inference.sessions import known
-from tests.machines import NOMINAL, PROTOTYPE, both_machines, both_models, sure
+from tests.machines import NOMINAL, both_machines, both_models, sure
 from tests.planning.test_forecast import like
 from tests.truth.effects import Effect, state_with
 from tests.truth.forward import PARTS, prior_sd, signals
@@ -74,11 +73,6 @@ def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     )
     costs = [max(each.noise_std_mm.values()) ** 2 * len(each.plan) for each in forecasts]
     assert costs[0] / costs[1] <= 0.65
-
-
-def test_limits_of_nothing_let_nothing_be_seen() -> None:
-    with pytest.raises(UnusableResultError, match="joint limits"):
-        design_of(PROTOTYPE.changed(joint_limits_mm=(0.0, 0.0)))
 
 
 @both_models

@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan, mixed, rings
 from orthoglide_cal.model.machine import SimulationOptions
@@ -23,7 +22,6 @@ from orthoglide_cal.planning.separation import separations
 from tests.decisions import new_plan
 from tests.estimation.sessions import solved
 from tests.inference.sessions import model_from
-from tests.machines import NOMINAL
 from tests.printers import readings_of_touches, true_values
 from tests.truth.delta import TOLERANCES, V400, Delta, Truth, delta_yaml, touches
 from tests.truth.delta_separation import GRAIN
@@ -157,12 +155,6 @@ def test_minutes_are_those_of_touches_and_blocks() -> None:
     for layout in layouts().values():
         assert np.all(np.diff(layout.plan.hours) > 0.0)
         assert layout.plan.hours.max() * 60.0 < layout.minutes
-
-
-def test_an_orthoglide_has_no_layouts() -> None:
-    assert NOMINAL.machine.layouts() == ()
-    with pytest.raises(UsageError, match="for printers"):
-        chosen_session(NOMINAL, layout="bed-7")
 
 
 @pytest.mark.parametrize("count", [13, 121])
