@@ -85,7 +85,9 @@ def posture_program(model: Model, steps: Sequence[SessionStep], session: str) ->
             here, stands = 0.0, visit[0].setup
         leg, there = visit[0].leg, visit[0].cell.displacement
         way = _way(machine, leg, here, there)
-        moved = np.vstack((set_up, way)) - machine.home_mm
+        posture, above = way[-1], way[-1] - machine.home_mm - APPROACH_MM < least
+        approach = posture + np.where(above, APPROACH_MM, -APPROACH_MM)
+        moved = np.vstack((set_up, way, approach)) - machine.home_mm
         for point, axis in np.argwhere((moved < least) | (moved > most)):
             raise PostureError(
                 f"N{number}: carriage {AXES[axis].upper()} would be driven to"
@@ -93,8 +95,6 @@ def posture_program(model: Model, steps: Sequence[SessionStep], session: str) ->
                 f" {low:+g} and {high:+g} mm.",
                 "Choose postures inside the limits.",
             )
-        posture, above = way[-1], moved[-1] - APPROACH_MM < least
-        approach = posture + np.where(above, APPROACH_MM, -APPROACH_MM)
         tool = machine.nominal_rails.tool_for(posture)
         points = {"joint": posture, "tool": tool, "approach_joint": approach}
         row = {

@@ -18,14 +18,7 @@ from orthoglide_cal.estimation.gaussian import mixture, probabilities
 from orthoglide_cal.estimation.losses import state
 from orthoglide_cal.inference import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.trends import (
-    SIZES,
-    DatedValues,
-    Part,
-    Trend,
-    TrendFit,
-    fit_trends,
-)
+from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit, fit_trends
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals

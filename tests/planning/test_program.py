@@ -233,10 +233,15 @@ def test_carriages_arrive_slowly_from_below(model: Model, tmp_path: Path) -> Non
 
 
 def test_no_carriage_is_driven_beyond_its_limits() -> None:
-    """Where x goes to +60 mm the other two carriages go to -5.9 mm."""
-    narrow = Model(PROTOTYPE.changed(joint_limits_mm=(-5.0, 60.0)))
-    with pytest.raises(PostureError, match=r"N20: carriage Y would be driven to -5.*-5 and \+60"):
-        posture_program(narrow, steps_of(narrow), SESSION)
+    """Where x goes to +60 mm the other two carriages go to -5.9 mm; the last 1 mm needs room."""
+    too_far = {
+        (-5.0, 60.0): r"N20: carriage Y .* -5.*-5 and \+60",
+        (-0.4, 0.6): r"N10: carriage X .* \+1 mm",
+    }
+    for limits, refusal in too_far.items():
+        narrow = Model(PROTOTYPE.changed(joint_limits_mm=limits))
+        with pytest.raises(PostureError, match=refusal):
+            posture_program(narrow, steps_of(narrow), SESSION)
 
 
 @both_models
