@@ -483,7 +483,7 @@ def shared_differences(before: Measured, after: Measured, model: Model) -> Share
     if shared is None or len(shared.change) < 4:
         raise UsageError(
             "The two files share fewer than four differences: three offsets cannot be verified.",
-            "Measure with the same protocol, postures and gauge directions before and after.",
+            "Measure the same legs at iso, max and min with the same protocol before and after.",
         )
     return shared
 

@@ -230,9 +230,10 @@ def test_decision_rule_with_guard_band(limit, outcome):
 
 
 def test_a_limit_below_u_can_never_be_kept():
-    result = verify(paper(2), paper(3), TRUE, limit_mm=0.018)
+    result = verify(before(1), paper(3), TRUE, limit_mm=0.018)
     page = verification_document(result, identify([], issued=ISSUED)).page()
     assert "Nothing can pass: U exceeds the limit." in str(page.notice.lines)
+    assert "measured 0.21 mm" in str(page.notice.lines)  # two decimals, as the coarser of both
 
 
 def test_the_report_keeps_the_limit_and_the_machine():

@@ -156,7 +156,7 @@ def verification_notice(result: Verification) -> doc.Notice:
 def _size(result: Verification, size_mm: float) -> str:
     """An r.m.s. with its unit."""
     if result.differences:
-        raw = result.before.kind == DataKind.READINGS
+        raw = result.before.kind == result.after.kind == DataKind.READINGS
         return f"{plain(size_mm, difference_decimals(raw))} mm"
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
