@@ -130,7 +130,7 @@ def test_what_is_left_is_as_sure_as_solve_says():
 
 
 def test_unequal_sessions_share_what_both_determine():
-    """Missing readings and other cycles: only common contrasts count, nothing fails."""
+    """Missing readings and other cycles: only common differences count, nothing fails."""
     few = double_posture(PROTOTYPE, cycles=1, closing=False)
     later = after(TRUE, 4, plan=few.subset(np.arange(len(few)) != 5))
     result = verify(before(3), later, TRUE)

@@ -76,7 +76,7 @@ def _page(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Pag
     further = doc.Grid(
         ("further sessions", *(size.name for size in history.pooled)),
         [(str(count), *map(two_figures, u)) for count, u in history.further.items()],
-        caption="U that the best values have with them.",
+        caption="U of the best values after so many further sessions (95 %).",
     )
     return doc.Page(
         kind="History",
