@@ -769,10 +769,10 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         "repeats": noise.repeats_mm,
         "residuals": noise.residuals_mm,
         "stated": noise.stated_mm,
-        "resolution q/√12": noise.floor_mm,
+        "resolution q/√12": noise.floor_mm or None,
         "used for U": noise.used_mm,
     }
-    known = (f"{name} {plain(mm, 4)}" for name, mm in sizes.items() if mm)
+    known = (f"{name} {plain(mm, 4)}" for name, mm in sizes.items() if mm is not None)
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
     alone = f" Repeats alone{p} understate the scatter: same set-up."
     yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
