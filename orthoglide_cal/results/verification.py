@@ -475,7 +475,7 @@ def shared_differences(before: Measured, after: Measured, model: Model) -> Share
     """The differences that both sessions of a machine hold, of the kind with most of them.
 
     Raises:
-        UsageError: they have nothing in common.
+        UsageError: they share fewer than four.
     """
     kinds = [kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds]
     every = [_of_kind(kind, before, after, model) for kind in kinds]

@@ -409,8 +409,8 @@ def moves_rails(id: str) -> bool:
 def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
     """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
     rows, left = case.answer.residuals, _left(case)
-    (alone, before), *_, (both, after) = [*left.items()] * 2
-    change = np.abs(after - before)
+    (alone, *_), (*_, both) = left, left
+    before, change = left[alone], np.abs(left[both] - left[alone])
     wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
     one = wrong if len(wrong) == 1 else []
     if _on_bed(case):
