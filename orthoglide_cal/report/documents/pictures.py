@@ -163,6 +163,7 @@ def residual_blocks(case: Case) -> Iterator[doc.Block]:
                     signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
         plain = doc.Listing((*signs, *_BED_LEGEND))
         yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
+        yield readings_table(case, distances=True)
     elif case.answer.input.kind == DataKind.READINGS:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
@@ -307,9 +308,14 @@ def _left(case: Case) -> dict[str, Floats]:
     return left
 
 
-def readings_table(case: Case) -> doc.Grid:
-    """Every reading or difference as it was written down, and what the models leave of it."""
-    rows, left = case.answer.residuals, _left(case)
+def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
+    """Every reading or difference as it was written down, and what the models leave of it.
+
+    With `distances` only the measured distances between places of a bed.
+    """
+    chosen = [k for k, row in enumerate(case.answer.residuals) if row.distance or not distances]
+    rows = [case.answer.residuals[k] for k in chosen]
+    left = {model: values[chosen] for model, values in _left(case).items()}
     readings = case.answer.input.kind == DataKind.READINGS
     at, places = "difference", [row.posture or "" for row in rows]
     if _on_bed(case):
