@@ -218,11 +218,11 @@ def taken_until_it_is_recognised(asker: Asker) -> int:
     return taken
 
 
-@pytest.mark.parametrize("period", [0.02, 0.1, 0.3, 0.6, 1.1])
+@pytest.mark.parametrize(("period", "sent"), [(0.02, 1), (0.1, 8), (0.3, 5), (0.6, 1), (1.1, 2)])
 @pytest.mark.parametrize("typed", [True, False])
-def test_a_gauge_that_sends_by_itself_is_recognised(period: float, typed: bool) -> None:
+def test_a_gauge_that_sends_by_itself_is_recognised(period: float, sent: int, typed: bool) -> None:
     """However the first message is taken, the next ones are not, and it is taken back."""
-    look = (period, "0.41", []) if typed else (period, None, [READ])
+    look = (period, "0.41", []) if typed else (period, None, [READ] * sent)
     asker, _, _ = at((9.0, None, []), *[look] * 60, gauge=not typed)
     assert taken_until_it_is_recognised(asker) == 1
 
