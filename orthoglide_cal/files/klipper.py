@@ -135,9 +135,7 @@ class Settings(Content):
                 where, remedy = "above", "Delete it."
                 if not above:
                     where, remedy = "below", "Move it above the block."
-                what = (
-                    f"Because of this line {where} its heading Klipper drops SAVE_CONFIG's block."
-                )
+                what = f"This line {where} its heading makes Klipper drop SAVE_CONFIG's block."
                 yield InputError(what, remedy, file=self.file, line=line, value=text)
 
     def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:

@@ -156,11 +156,16 @@ def _changed(text: str, path: Steps, value: object, remark: str) -> str:
     if holder and len(entries) == (step in entries):
         first = {step: value} if isinstance(step, str) else [value]
         return _replaced(text, holder, group, [] if entries else first)
-    if step in entries:  # the line end before it goes with it: the last line may have none
+    if step in entries:
         key, node = entries[step]
-        start = text.rfind("\n", 0, key.start_mark.index)
-        return text[:start] + text[_line_end(text, _end(node)) :]
+        start, end = key.start_mark.index, _end(node)
+        if _is_block(group):  # with the line end before it: the last line may have none
+            return text[: text.rfind("\n", 0, start)] + text[_line_end(text, end) :]
+        return text[: text.rfind(",", 0, start)] + text[end:]
     last = [node for name, (_, node) in entries.items() if name != "complete"][-1]
+    if not _is_block(group):
+        between = json.dumps({step: value} if isinstance(step, str) else [value])[1:-1]
+        return f"{text[: _end(last)]}, {between}{text[_end(last) :]}"
     lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text([value])
     end, (line, *more) = _line_end(text, _end(last)), lines.splitlines()
     margin = "\n" + " " * group.start_mark.column
