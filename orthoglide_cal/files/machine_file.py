@@ -20,12 +20,7 @@ from yaml import YAMLError
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
-from orthoglide_cal.files.text import (
-    FileText,
-    document_from_bytes,
-    free_path,
-    read_document,
-)
+from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
 from orthoglide_cal.files.yaml_tree import Verbatim, edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
