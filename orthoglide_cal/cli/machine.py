@@ -221,9 +221,8 @@ def _made(answers: Answers, target: Path) -> "StoredMachine":
     usual = {key: _usual(key, answers) for key in scaled if key not in answers}
     values: Answers = {"name": "my machine"} | {k: _plain(v) for k, v in (answers | usual).items()}
     if "endstops_mm" in values:  # one number for all
-        values |= dict.fromkeys(
-            [f"endstops_mm.{tower}" for tower in "abc"], values.pop("endstops_mm")
-        )
+        height = values.pop("endstops_mm")
+        values |= {f"endstops_mm.{tower}": height for tower in "abc"}
     if answers.get("gauge.revolution_mm") == 0.0:
         values["gauge.revolution_mm"] = None
     return new_machine(values, str(target))

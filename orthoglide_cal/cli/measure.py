@@ -121,6 +121,7 @@ def measure(
         dialogue.publish()
         case = common.judged(common.read_input(str(dialogue.path)), details=json)
         common.deliver(solution_document(case), as_json=json, details=False)
+        dialogue.reveal()
         return 0 if case.answer.release.usable else UnusableResultError.exit_code
 
 

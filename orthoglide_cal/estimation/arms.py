@@ -52,14 +52,13 @@ def _fitted(model: Model, readings: Readings) -> Effect | None:
     rest, arms = np.split(np.arange(len(unknowns)), [-cause.unknowns])
     for _ in range(_STEPS):
         lengths = cause.at(unknowns[arms])
-        predicted, slope = differentiate(model, unknowns[rest], plan, [lengths], strict=False)
-        left, slope = weight * (readings.value - predicted), weight[:, None] * slope
-        if (
-            not np.isfinite(slope).all()
-            or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < slope.shape[1]
-        ):
+        predicted, jacobian = differentiate(model, unknowns[rest], plan, [lengths], strict=False)
+        left, jacobian = weight * (readings.value - predicted), weight[:, None] * jacobian
+        if not np.isfinite(jacobian).all():
             return None
-        estimator = np.linalg.pinv(slope)
+        if np.linalg.matrix_rank(jacobian, _NEGLIGIBLE) < len(unknowns):
+            return None
+        estimator = np.linalg.pinv(jacobian)
         unknowns += estimator @ left
     local = machine.local_shape(plan)
     shape = plan.touches * (local.size or 0.0) if local else 0.0

@@ -27,12 +27,7 @@ from orthoglide_cal.files.readings import (
     readings_in,
     session_from_tree,
 )
-from orthoglide_cal.files.text import (
-    FileText,
-    document_from_bytes,
-    read_bytes,
-    read_document,
-)
+from orthoglide_cal.files.text import FileText, document_from_bytes, read_bytes, read_document
 from orthoglide_cal.files.yaml_tree import YAML_LIMIT, load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings

@@ -132,12 +132,9 @@ class Settings(Content):
         for line, text in lines if self.heading else ():
             above, saved = line < first, re.match(r"#\*#( |$)", text) is not None
             if (above or line > self.heading) and above == saved:
-                where, remedy = "above", "Delete it."
-                if not above:
-                    where, remedy = "below", "Move it above the block."
-                what = (
-                    f"Because of this line {where} its heading Klipper drops SAVE_CONFIG's block."
-                )
+                where = "above" if above else "below"
+                remedy = "Delete it." if above else "Move it above the block."
+                what = f"Klipper drops SAVE_CONFIG's block: this line stands {where} its heading."
                 yield InputError(what, remedy, file=self.file, line=line, value=text)
 
     def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:

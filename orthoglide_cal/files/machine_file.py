@@ -15,16 +15,12 @@ from typing import Annotated, cast
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
+from yaml import YAMLError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
-from orthoglide_cal.files.text import (
-    FileText,
-    document_from_bytes,
-    free_path,
-    read_document,
-)
+from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
 from orthoglide_cal.files.yaml_tree import Verbatim, edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
@@ -380,8 +376,10 @@ def with_history(
     content, text = load_tree(document), document.data.decode()
     others = (key for key in values if values[key] != before.get(key))
     new = {key: values[key] for key in others if key not in content.value}
-    changes = {path: to for path, to in _differences(before, values) if path[0] not in new}
-    changes |= {(key,): value for key, value in new.items()}
+    changes: dict[Steps, object] = {(key,): value for key, value in new.items()}
+    for path, to in _differences(before, values):
+        if path[0] not in new:  # a key of the file's own becomes empty, and stays
+            changes[path] = to if path[1:] else to or {}
     enters, both = len(history) > len(past), max(past, history, key=len)
     remark = f"  # added by `orthocal apply`, {both[-1].date}"
     for name, value in (both[-1].before or {}).items():
@@ -394,7 +392,7 @@ def with_history(
         added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
         changes |= {(key,): None for key in added}
     then = None
-    with suppress(InputError):
+    with suppress(InputError, YAMLError):
         then = _stored(edited(text, changes, remark), document.path)
     if then is None or machine_values(then.model) != values:  # a rare form of YAML
         then = _stored(machine_text(model), document.path)

@@ -293,6 +293,7 @@ CODED = {
 }
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
+_COMMENTS = ("#", "sep=")  # Excel's line says nothing that the header does not
 _BLANKS = " \t\u00a0\u202f\ufeff\n\r\v\f"  # also those that spreadsheets and web pages leave
 
 
@@ -301,8 +302,8 @@ class Table(Content):
 
     Each is column → text without blanks around it, of cells that are not empty. The header says
     what separates cells: guessing goes wrong on `1,234;5,678`. Blank lines are skipped, and so are
-    lines that start with #. If the first column may hold free text, a # after the header belongs to
-    its text: skipping the line would lose a reading.
+    lines that start with # or, as in Excel, with sep=. If the first column may hold free text, a #
+    after the header belongs to its text: skipping the line would lose a reading.
     """
 
     of_table = True
@@ -315,14 +316,14 @@ class Table(Content):
         self.value = self.rows
         lines = document.text.split("\n")
         plain = (text.strip(_BLANKS) for text in lines)
-        header = next((text for text in plain if text and not text.startswith("#")), "")
+        header = next((text for text in plain if text and not text.startswith(_COMMENTS)), "")
         delimiter = next((mark for mark in "\t;," if mark in header), ",")
         self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
         comments, at = True, 0
         while at < len(lines):
             shown, line = lines[at].strip(), at + 1
             text = lines[at].strip(_BLANKS)
-            if not text or (comments and text.startswith("#")):
+            if not text or (comments and text.startswith(_COMMENTS)):
                 at += 1
                 continue
             rest = (f"{lines[index]}\n" for index in range(at, len(lines)))

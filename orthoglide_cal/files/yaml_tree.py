@@ -151,18 +151,22 @@ def _changed(text: str, path: Steps, value: object, remark: str) -> str:
         holder, group = _entries(group)[step]
     assert group is not None
     entries, step = _entries(group), path[-1]
+    entry = {step: value} if isinstance(step, str) else [value]
     if step in entries and value is not None:
         return _replaced(text, *entries[step], value)
     if holder and len(entries) == (step in entries):
-        first = {step: value} if isinstance(step, str) else [value]
-        return _replaced(text, holder, group, [] if entries else first)
-    if step in entries:  # the line end before it goes with it: the last line may have none
+        return _replaced(text, holder, group, [] if entries else entry)
+    if step in entries:
         key, node = entries[step]
-        start = text.rfind("\n", 0, key.start_mark.index)
-        return text[:start] + text[_line_end(text, _end(node)) :]
-    last = [node for name, (_, node) in entries.items() if name != "complete"][-1]
-    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text([value])
-    end, (line, *more) = _line_end(text, _end(last)), lines.splitlines()
+        start, end = key.start_mark.index, _end(node)
+        if _is_block(group):  # with the line end before it: the last line may have none
+            return text[: text.rfind("\n", 0, start)] + text[_line_end(text, end) :]
+        return text[: text.rfind(",", 0, start)] + text[end:]
+    end = _end([node for name, (_, node) in entries.items() if name != "complete"][-1])
+    if not _is_block(group):
+        return f"{text[:end]}, {json.dumps(entry)[1:-1]}{text[end:]}"
+    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text(entry)
+    end, (line, *more) = _line_end(text, end), lines.splitlines()
     margin = "\n" + " " * group.start_mark.column
     return margin.join((text[:end], line + remark, *more)) + text[end:]
 

@@ -264,7 +264,8 @@ class Asker:
         readings = source.hear(at, early, by_hand) if heard else None
         gone = source.ignore(at) if early else None
         if readings is not None:
-            self._unasked = Unasked(readings) if readings or not source.sends else None
+            if readings or not source.sends:
+                self._unasked = Unasked(readings)
             source.sends = True
         elif early and not source.sends:
             when = "before the prompt" if gone is None else f"{gone:.2f} s after the one before"

@@ -26,10 +26,10 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import Token, parse_typed
+from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
-from orthoglide_cal.words import Unit, counted, decimals_for
+from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
@@ -176,6 +176,13 @@ class Dialogue:
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
+
+    def reveal(self) -> None:
+        """Say, after a simulated session, which offsets were hidden."""
+        if isinstance(gauge := self.asker.gauge, SimulatedGauge):
+            offsets = zip(AXES, gauge.offsets_mm.tolist(), strict=True)
+            words = " ".join(f"{axis} {signed(value, 3)}" for axis, value in offsets)
+            self.asker.show(f"True offsets: {words} mm")
 
     # ---- what is asked
 

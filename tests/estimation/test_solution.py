@@ -13,13 +13,7 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import (
-    OffsetEstimate,
-    fit_offsets,
-    methods,
-    promise,
-    solve,
-)
+from orthoglide_cal.estimation import OffsetEstimate, fit_offsets, methods, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter, unit_covariance
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size

@@ -1,5 +1,6 @@
 """The machine file of both kinds: what is accepted, what is refused and how, round trips."""
 
+import json
 import re
 import time
 from collections.abc import Iterator
@@ -60,6 +61,14 @@ def test_what_could_not_be_read_again_is_not_recorded() -> None:
     entry = Entered(date="2025-01-31", before=before, after=after, data_sha256=DIGEST)
     with pytest.raises(InputError, match="larger than the travel"):
         with_history(file, after, None, entry)
+
+
+def test_an_entry_is_recorded_in_a_file_that_cannot_be_edited_in_place() -> None:
+    text = json.dumps({**yaml.safe_load(TEXT), "history": []})
+    before, after = ({"x": x, "y": 0.0, "z": 0.0} for x in (0.0, 0.1))
+    entry = Entered(date="2025-01-31", before=before, after=after, data_sha256=DIGEST)
+    file = with_history(machine_file_in(load_tree(document(text))), after, None, entry)
+    assert read(file.document.text).machine.history == (entry,)
 
 
 def read(text: str) -> Model:

@@ -127,6 +127,7 @@ def test_values_are_those_asked_for_and_every_comment_outside_them_stays(text: s
         "a: 1\nh: [] # none",
         "h:\n  - a: 0 # first\n\n# then\nb: 2\n",
         "h:\r\n- {a: 0}\r\n- b: 1\r\n",
+        '{"h": [{"a": 0}, {"b": 1}], "complete": true}\n',
     ],
 )
 def test_an_item_comes_last_and_goes_again(text: str) -> None:

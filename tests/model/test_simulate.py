@@ -14,12 +14,7 @@ from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model.contrasts import zero_free
 from orthoglide_cal.model.kinematics import Points, trilaterate
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import (
-    STEP,
-    Model,
-    differentiate,
-    simulate,
-)
+from orthoglide_cal.model.model import STEP, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture

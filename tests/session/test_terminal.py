@@ -153,6 +153,7 @@ def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
     found = [parameter["found"] for parameter in result["parameters"]]
     assert np.abs(np.array(found) - hidden).max() < 0.05
     assert "Step 1 of 60" in done.stderr
+    assert f"True offsets: x {hidden[0]:+.3f}" in done.stderr
     assert done.stderr.startswith("SIMULATED: no machine was measured.\nMachine")
     assert content(tmp_path / "s.yaml")["environment"] == {
         "readings_from": "simulated",

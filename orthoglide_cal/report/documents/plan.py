@@ -29,13 +29,7 @@ from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.schema import Reason
-from orthoglide_cal.words import (
-    counted,
-    listed,
-    percent,
-    two_figures,
-    unit_words,
-)
+from orthoglide_cal.words import counted, listed, percent, two_figures, unit_words
 
 _SHOWN_PAIRS = 4
 _SHOWN_NEXT = 6
