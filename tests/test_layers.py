@@ -140,7 +140,6 @@ def test_only_who_makes_or_reads_one_knows_a_kind_of_machine() -> None:
 
 
 def test_no_other_room_knows_the_class_of_a_cause() -> None:
-    """What causes do differently is theirs, too: fields and methods of `Cause`."""
     causes = f"{PACKAGE}.causes"
     classes = {str(node.name) for name, node in nodes(ast.ClassDef) if name.startswith(causes)}
     for name, node in nodes(ast.ImportFrom):
