@@ -30,7 +30,7 @@ from orthoglide_cal.files.readings import (
 from orthoglide_cal.files.text import FileText, document_from_bytes, read_bytes, read_document
 from orthoglide_cal.files.yaml_tree import YAML_LIMIT, load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings
+from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import MACHINE_FILE, Reason, Schema, Sentence
@@ -197,7 +197,7 @@ def check_file(
         input=input,
         machine=machine.name,
         simulated=measured.source.simulated,
-        doubtful=bool(doubts),
+        doubtful=bool(doubts) or len(notes_on(measured)) < len(measured.remarks),
         remarks=(*doubts, *measured.remarks),
     )
     return check, given

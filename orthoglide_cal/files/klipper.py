@@ -129,11 +129,13 @@ class Settings(Content):
             what = "The file begins with a byte order mark: Klipper does not read it."
             yield InputError(what, "Save it as UTF-8 without it.", file=self.file, line=1)
         first = self.heading - _HEADING.count("\n") + 2  # line of the heading
+        begun = False  # blank lines before what was saved do no harm
         for line, text in lines if self.heading else ():
-            above, saved = line < first, re.match(r"#\*#( |$)", text) is not None
-            if (above or line > self.heading) and above == saved:
-                where = "above" if above else "below"
-                remedy = "Delete it." if above else "Move it above the block."
+            begun = begun or (line > self.heading and bool(text.strip()))
+            stray = 1 < line < first and text.startswith("#*# ")
+            if stray or (begun and not re.match(r"#\*#( |$)", text)):
+                where = "above" if stray else "below"
+                remedy = "Move it above the block." if text.strip() and begun else "Delete it."
                 what = f"Klipper drops SAVE_CONFIG's block: this line stands {where} its heading."
                 yield InputError(what, remedy, file=self.file, line=line, value=text)
 

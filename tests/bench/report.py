@@ -114,9 +114,8 @@ def _heldout_table(found: Iterable[HeldOut]) -> str:
 def _miss(item: Judged) -> str:
     """A wrongly answered session, with what made it hard."""
     session, far, answer = item.case.session, item.case.separation, item.answer
-    place = " ".join(effect.where for effect in session.effects)
-    if isinstance(session, DeltaSession):
-        place = str(session.layout)
+    printer = isinstance(session, DeltaSession)
+    place = str(session.layout) if printer else " ".join(e.where for e in session.effects)
     stands = ""
     if far:
         stands = f" {far.distance:.1f} from {far.nearest}, {far.visible:.1f} from healthy"

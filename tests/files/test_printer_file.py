@@ -228,7 +228,9 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
 
 
 def test_a_block_that_klipper_drops_is_told_when_the_file_is_only_read() -> None:
-    stray = "#*# kept by hand\n" + GOOD
-    assert [remark.code for remark in read(stray).remarks] == ["dropped"]
+    heading = "auto-generated.\n#*#\n"
+    assert not read("#*# first\n" + GOOD.replace(heading, f"{heading}\n")).remarks
+    for stray in ("\n#*# kept by hand\n" + GOOD, GOOD.replace(heading, f"{heading}#*# [a]\n\n")):
+        assert [remark.code for remark in read(stray).remarks] == ["dropped"]
     marked = document_from_bytes(codecs.BOM_UTF8 + GOOD.encode(), "printer.cfg")
     assert [remark.code for remark in read_printer_file(marked).remarks] == ["dropped"]
