@@ -166,10 +166,10 @@ class Content:
             usual = WORDS.get(kind, (f"{finding['msg']}.", "Correct it."))
             mm = "; lengths are in mm" if key.endswith("_mm") else ""
             data = {"mm": mm, "key": key, "near": nearest(meant, known), "known": ", ".join(known)}
-            what, remedy = (
+            fault, remedy = (
                 text.format(**given, **data) for text in words.get(f"{kind} {key}", usual)
             )
-            self.add(what, remedy, *self.place((*at, *path)))
+            self.add(fault, remedy, *self.place((*at, *path)))
 
     def parse(self, text: str) -> float:
         """The number that a text of this file writes. Raises InputError without a place."""

@@ -123,8 +123,8 @@ def _stated(machine: LinearDelta, words: Words, marlin: bool, trigger: float) ->
     adjusted = _three(words, "M666")
     angles = _three(words, "M665") + USUAL_ANGLES_DEG
     if not 0.0 < radius < arms.min():
-        what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
-        raise InputError(what, "Check both in M665.")
+        fault = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
+        raise InputError(fault, "Check both in M665.")
     if not counter_clockwise(angles.tolist()):
         remedy = "Check X, Y and Z of M665; they are usually below one degree."
         raise InputError(TOWERS_TURN, remedy)
@@ -184,8 +184,8 @@ def check_delta(measured: FileText) -> None:
     if (config := measured.beside("config.g")) is None:
         return
     if _LOADS.search(config.text):
-        what = _UNKNOWN.format("config.g")
-        raise InputError(what, "Copy it from the printer.", file=measured.path)
+        fault = _UNKNOWN.format("config.g")
+        raise InputError(fault, "Copy it from the printer.", file=measured.path)
     kind = _KINEMATICS.search(config.text)
     raise InputError(
         "This printer is not a delta: config.g in the same folder has no M665 with L"
@@ -208,10 +208,10 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         called = (f"{'xy'[axis]}{name}", f"{name}{axis}", name)
         key = next((key for key in called if key in texts), None)
         if key is None:
-            what = (
+            fault = (
                 f"The second line of the map has no {called[0]!r}, or the third no number for it."
             )
-            raise InputError(what, _AGAIN, file=document.path, line=2)
+            raise InputError(fault, _AGAIN, file=document.path, line=2)
         with faults.noting(3, key, texts[key]):
             return within(texts[key].strip(), -_FAR, _FAR)
         return 0.0
@@ -221,8 +221,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     rows = {line: text.split(",") for line, text in enumerate(lines[3:], start=4)}
     heights = heights_in(faults, rows, (len(y), len(x)), _AGAIN, _UNPROBED)
     if not faults.problems and not np.isfinite(heights).any():
-        what = "No place of the map was probed: a placeholder, not a measurement."
-        faults.add(what, _AGAIN, line=4)
+        fault = "No place of the map was probed: a placeholder, not a measurement."
+        faults.add(fault, _AGAIN, line=4)
     faults.check()
     offset = np.nan_to_num(settings.probe)
     grid = stored_grid(document.source, x, y, heights, [*rows], offset)
@@ -326,11 +326,11 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
 
     def needs_reach(name: str) -> None:
         if not reach > 0.0:
-            what = f"{name} does not print where it probed."
+            fault = f"{name} does not print where it probed."
             remedy = (
                 "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
             )
-            raise InputError(what, remedy, file=document.path)
+            raise InputError(fault, remedy, file=document.path)
         margin = {"reach_mm": reach, "margin_mm": _MARGIN_MM}
         remarks.append(Reason.of("marlin_reach", name=name, **margin))
 
@@ -345,9 +345,9 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         try:
             place = now.believed(then, mesh.plan.spots)
         except PostureError as error:
-            what = f"The arms cannot reach a place of {name}."
+            fault = f"The arms cannot reach a place of {name}."
             remedy = "Check the settings (M503, or the machine file)."
-            raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
+            raise InputError(fault, remedy, file=document.path, line=int(mesh.line[0])) from error
         moved = np.column_stack((mesh.line, place - [0.0, 0.0, offset[2]]))
         return stored_mesh(document.source, moved, offset[2])
 
@@ -363,11 +363,11 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     if bed:
         data["mesh"] = stored("G29", bed)
     if not data:
-        what, remedy = "holds no probed heights with their places", "Send G29 V4"
+        fault, remedy = "holds no probed heights with their places", "Send G29 V4"
         if calibrating:
-            what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
+            fault, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
         remedy += ", and give all the lines that it prints."
-        raise InputError(f"Marlin's output {what}.", remedy, file=document.path)
+        raise InputError(f"Marlin's output {fault}.", remedy, file=document.path)
     return replace(
         settings, machine=changes[-1][1], probe=offset, data=data, remarks=tuple(remarks)
     )
@@ -413,9 +413,9 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
         listed = _PLACE.findall(text + (bed.text if bed else ""))
         places = {int(number): place for number, *place in listed}
         if not places.keys() >= set(range(len(heights))):
-            what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
+            fault = f"RepRapFirmware's console prints {len(heights)} heights without their places."
             remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
-            raise InputError(what, remedy, file=document.path, line=line)
+            raise InputError(fault, remedy, file=document.path, line=line)
         lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
     rows = []
     for line, parts in lines:

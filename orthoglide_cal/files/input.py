@@ -223,10 +223,10 @@ def require_distinct(inputs: Sequence[Input]) -> None:
     """Raise UsageError if one of them holds the readings of another."""
     for pair in copies_in(inputs).items():
         copy, earlier = (inputs[k].measured.source.path for k in pair)
-        what = f"{copy} holds the same readings as {earlier}: one measurement counts once."
+        fault = f"{copy} holds the same readings as {earlier}: one measurement counts once."
         others = {data.measured.source.excerpt for data in inputs[pair[0]].others}
         other = "".join(f" Or try --data {excerpt.data}." for excerpt in others if excerpt)
-        raise UsageError(what, f"Name another measurement.{other}")
+        raise UsageError(fault, f"Name another measurement.{other}")
 
 
 def together(inputs: Sequence[Input]) -> Input:
@@ -325,8 +325,8 @@ def machine_in_folder(folder: Path) -> Path | None:
     machines = _machines_in(folder)
     if len(machines) > 1:
         names = ", ".join(path.name for path in machines)
-        what = f"There are {len(machines)} machine files in this folder: {names}."
-        raise UsageError(what, "Name the one to use: --machine FILE")
+        fault = f"There are {len(machines)} machine files in this folder: {names}."
+        raise UsageError(fault, "Name the one to use: --machine FILE")
     return machines[0] if machines else None
 
 
@@ -402,9 +402,9 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
                 return Input(differences_from_table(table, gauged), judge, Conditions())
             readings = readings_in(table, gauged)
     except UsageError as error:
-        what = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
+        fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
         line = table.header_line
-        raise InputError(what, error.remedy, file=document.path, line=line) from error
+        raise InputError(fault, error.remedy, file=document.path, line=line) from error
     return Input(readings, judge, conditions_in(readings))
 
 
@@ -435,9 +435,9 @@ def _firmware_file(
         return klipper.read_printer_file(document)
     format = next((format for format in _FORMATS if format.mark.search(text)), None)
     if format is None and gcode.SETTINGS.search(text):
-        what = "The file holds the settings of a printer's firmware, and no readings."
+        fault = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
-        raise InputError(what, remedy, file=document.path)
+        raise InputError(fault, remedy, file=document.path)
     if format is None:
         kind = next((kind for kind, mark in _NO_READINGS.items() if mark.search(text)), None)
         if kind is None:
@@ -458,9 +458,9 @@ def _firmware_file(
     else:
         if format.mark is gcode.HEIGHT_MAP and not known:
             gcode.check_delta(document)
-        what = f"This is {format.title}; it does not say which printer it is from."
+        fault = f"This is {format.title}; it does not say which printer it is from."
         remedy = f"Name its settings: --machine {format.named}"
-        nothing = InputError(what, remedy, file=document.path)
+        nothing = InputError(fault, remedy, file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
         remark = Reason.of("probe_offset_unknown")
         settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
@@ -471,9 +471,9 @@ def _firmware_file(
 
 def _delta(model: Model, path: str, refused: InputError | None = None) -> LinearDelta:
     """The machine that the user names for a printer's file; raises an error for another kind."""
-    what = f"{path} is of a linear delta; the machine given is of kind {model.machine.kind}."
+    fault = f"{path} is of a linear delta; the machine given is of kind {model.machine.kind}."
     remedy = "Leave --machine out, or give a file of kind linear_delta."
-    return LinearDelta.require(model.machine, refused or UsageError(what, remedy))
+    return LinearDelta.require(model.machine, refused or UsageError(fault, remedy))
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:

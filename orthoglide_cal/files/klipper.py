@@ -126,8 +126,8 @@ class Settings(Content):
     def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
         """What keeps Klipper from reading the file, or what SAVE_CONFIG wrote there."""
         if self.document.marked:
-            what = "The file begins with a byte order mark: Klipper does not read it."
-            yield InputError(what, "Save it as UTF-8 without it.", file=self.file, line=1)
+            fault = "The file begins with a byte order mark: Klipper does not read it."
+            yield InputError(fault, "Save it as UTF-8 without it.", file=self.file, line=1)
         first = self.heading - _HEADING.count("\n") + 2  # line of the heading
         begun = False  # blank lines before what was saved do no harm
         for line, text in lines if self.heading else ():
@@ -136,8 +136,8 @@ class Settings(Content):
             if stray or (begun and not re.match(r"#\*#( |$)", text)):
                 where = "above" if stray else "below"
                 remedy = "Move it above the block." if text.strip() and begun else "Delete it."
-                what = f"Klipper drops SAVE_CONFIG's block: this line stands {where} its heading."
-                yield InputError(what, remedy, file=self.file, line=line, value=text)
+                fault = f"Klipper drops SAVE_CONFIG's block: this line stands {where} its heading."
+                yield InputError(fault, remedy, file=self.file, line=line, value=text)
 
     def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
@@ -161,15 +161,15 @@ class Settings(Content):
                 sections.setdefault(section, line)
             elif plain.startswith("["):
                 section = ""
-                what = "The section's name has no closing bracket."
-                self.add(what, "Write [name].", line=line, value=plain)
+                fault = "The section's name has no closing bracket."
+                self.add(fault, "Write [name].", line=line, value=plain)
             elif setting := _OPTION.match(plain):
                 option = setting[1].lower()
                 options[section][option] = line, setting[2]
             elif _MATTERS.fullmatch(section):
-                what = f"The line in [{section}] is not an option."
+                fault = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
-                self.add(what, remedy, line=line, value=plain)
+                self.add(fault, remedy, line=line, value=plain)
         return sections, options
 
     def place(self, path: Steps) -> Place:
@@ -265,8 +265,10 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     lines = document.text.split("\n")
     starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
     if not starts:
-        what = "The log does not hold the configuration: its beginning is missing."
-        raise InputError(what, "Give the whole klippy.log, or the printer.cfg.", file=document.path)
+        fault = "The log does not hold the configuration: its beginning is missing."
+        raise InputError(
+            fault, "Give the whole klippy.log, or the printer.cfg.", file=document.path
+        )
     start = starts[-1] + 1
     inside = itertools.takewhile(lambda line: not _ENDS.fullmatch(line.strip()), lines[start:])
     kept = [""] * start + list(inside)
@@ -291,10 +293,10 @@ def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, 
         text = lines[number].strip() if number < len(lines) else ""
         entry = rf"\(([^,()]+){len(_POSITIONS[name]) * _STEPS}\)"
         if not re.fullmatch(rf"\[(?:{entry}(?:, |(?=\])))*\]", text):
-            what = f"This is not a list of {name}s with stepper positions."
+            fault = f"This is not a list of {name}s with stepper positions."
             remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
             line, value = number + 1, text or None
-            raise InputError(what, remedy, file=document.path, line=line, value=value)
+            raise InputError(fault, remedy, file=document.path, line=line, value=value)
         for index, parts in enumerate(re.findall(entry, text)):
             for end, part in zip(("", *_POSITIONS[name]), parts, strict=True):
                 stored[f"{name}{index}{end}"] = number + 1, part
@@ -327,15 +329,15 @@ def _check_kind(settings: Settings) -> None:
     """Raises for a machine of another kind, or a file of something else."""
     kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
     if kind and kind.lower() != "delta":
-        what = "The machine is not a linear delta."
-        settings.note(("printer", "kinematics"), what, "Give a delta's file.")
+        fault = "The machine is not a linear delta."
+        settings.note(("printer", "kinematics"), fault, "Give a delta's file.")
         raise settings.error()
     if not kind and not {"printer", *_TOWERS} & set(settings.sections):
-        what = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
+        fault = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
         remedy = "Give the printer.cfg of a delta."
         if settings.included:
             remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
-        raise InputError(what, remedy, file=settings.file)
+        raise InputError(fault, remedy, file=settings.file)
     if not kind:
         settings.missing("printer", "kinematics")
 
@@ -379,9 +381,9 @@ def _calibration(settings: Settings, machine: LinearDelta) -> Readings | None:
         ends = []
         for end in _POSITIONS[name]:
             if stem in options and stem + end not in options:
-                what = f"{stem} has no stepper positions: {stem}{end} is missing."
+                fault = f"{stem} has no stepper positions: {stem}{end} is missing."
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
-                settings.note((_CALIBRATION, stem), what, remedy)
+                settings.note((_CALIBRATION, stem), fault, remedy)
             ends.append(settings.read(_CALIBRATION, stem + end, _three, math.nan))
         counts.append([ends[0], ends[-1]])  # the same twice of a height
     distance = np.array([name == _DISTANCES for _, _, name in sorted(starts)])

@@ -92,20 +92,20 @@ class Identified(Schema):
         # A shape that was found with fewer terms is still one.
         fewer = cause.shares and given.keys() < set(names)
         if given.keys() != set(names) and not (given and fewer):
-            what = f"{id} has the parameters {', '.join(names)}."
-            raise InputError(what, "Give each of them once.")
+            fault = f"{id} has the parameters {', '.join(names)}."
+            raise InputError(fault, "Give each of them once.")
         faults = []
         for name, estimate in given.items():
             if estimate.name:  # its key is its name
-                what, remedy = "The key is not known.", "Leave it out."
-                faults.append(InputError(what, remedy, column=f"{name}.name"))
+                fault, remedy = "The key is not known.", "Leave it out."
+                faults.append(InputError(fault, remedy, column=f"{name}.name"))
             if estimate.unit != cause.unit:
-                what = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
+                fault = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
                 remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."
-                faults.append(InputError(what, remedy, column=f"{name}.unit"))
+                faults.append(InputError(fault, remedy, column=f"{name}.unit"))
             if cause.positive and estimate.value < 0.0:
-                what, remedy = "The number must not be negative.", "Give zero or more."
-                faults.append(InputError(what, remedy, column=f"{name}.value"))
+                fault, remedy = "The number must not be negative.", "Give zero or more."
+                faults.append(InputError(fault, remedy, column=f"{name}.value"))
         if faults:
             raise InputError.of(faults)
         return given
@@ -117,9 +117,9 @@ class Identified(Schema):
     ) -> tuple[tuple[float, ...], ...]:
         size = len(info.data.get("parameters", rows))
         if rows and {len(rows), *map(len, rows)} != {size}:
-            what = f"The correlations are not {size} rows of {size} numbers."
+            fault = f"The correlations are not {size} rows of {size} numbers."
             remedy = "Give one row for each parameter, in their order, or remove them."
-            raise InputError(what, remedy)
+            raise InputError(fault, remedy)
         matrix = np.array(rows or np.eye(1))
         asymmetry = np.abs(matrix - matrix.T).max()
         off_one = np.abs(np.diag(matrix) - 1.0).max()
@@ -169,11 +169,11 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     """
     file = read_document(str(path))
     if PRINTER_SECTION.search(file.text):
-        what = "This is a printer's configuration, not a machine file."
+        fault = "This is a printer's configuration, not a machine file."
         remedy = (
             "Give it to solve, diagnose or plan as their input: it describes its machine itself."
         )
-        raise InputError(what, remedy, file=file.path)
+        raise InputError(fault, remedy, file=file.path)
     return machine_file_in(load_tree(file))
 
 
@@ -188,9 +188,9 @@ def machine_file_in(tree: Content) -> StoredMachine:
         raise InputError("This is a session, not a machine file.", remedy, file=file.path)
     model = machine_in(tree, ())
     if file.text.startswith(WRITTEN) and "complete" not in value:
-        what = "The last line, `complete: true`, is missing: the file was cut off."
+        fault = "The last line, `complete: true`, is missing: the file was cut off."
         remedy = "Take it from a copy; add the line only if you know that nothing is missing."
-        tree.add(what, remedy, line=file.text.count("\n"), column="complete")
+        tree.add(fault, remedy, line=file.text.count("\n"), column="complete")
     if model is None or tree.problems:
         raise tree.error()
     missing = () if "identified" in value else (Reason.of("no_identified"),)
@@ -289,8 +289,8 @@ def _causes_of(machine: type[Machine]) -> list[str]:
 
 
 def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:
-    what = "This is not a cause id of this kind of machine."
-    return what, f"{nearest(id, known)}Known: {', '.join(known)}."
+    fault = "This is not a cause id of this kind of machine."
+    return fault, f"{nearest(id, known)}Known: {', '.join(known)}."
 
 
 def is_machine_file(tree: Content) -> bool:

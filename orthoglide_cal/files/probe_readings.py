@@ -54,9 +54,9 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     for index, row in checking.sound:
         apart = math.hypot(row.x_mm, row.y_mm)
         if apart > BEYOND * bed.radius_mm:
-            what = f"The place is {apart:.0f} mm from the middle of the bed."
+            fault = f"The place is {apart:.0f} mm from the middle of the bed."
             remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
-            checking.note(index, "x_mm", what, remedy)
+            checking.note(index, "x_mm", fault, remedy)
     rows, remarks = checking.checked(), [*checking.remarks]
     in_time, minutes, timed = times_of(rows)
     if not timed and rows[0].minutes is not None:
@@ -126,12 +126,12 @@ def heights_in(
     """
     heights = np.full((len(rows), shape[1]), math.nan)
     if len(rows) != shape[0]:
-        what = f"The mesh has {len(rows)} rows instead of {shape[0]}."
-        faults.add(what, f"Was it cut off? {again}", max(rows, default=None), column)
+        fault = f"The mesh has {len(rows)} rows instead of {shape[0]}."
+        faults.add(fault, f"Was it cut off? {again}", max(rows, default=None), column)
     for row, (line, cells) in enumerate(rows.items()):
         if len(cells) != shape[1]:
-            what = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
-            faults.add(what, again, line, column, ",".join(cells))
+            fault = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
+            faults.add(fault, again, line, column, ",".join(cells))
             continue
         for place, cell in enumerate(cells):
             with faults.noting(line, column, cell.strip()):
@@ -232,12 +232,12 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     """
     chosen = stored or next(iter(file.data), "")
     if chosen not in file.data:
-        what, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
+        fault, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
         if not file.data:
-            what, remedy = "The file stores neither probed heights nor a mesh.", "Run"
+            fault, remedy = "The file stores neither probed heights nor a mesh.", "Run"
         again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
         probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
-        raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
+        raise InputError(fault, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
     readings, mesh = file.data[chosen], chosen == "mesh"
     _check_stored(readings, machine, reckoned=file.firmware == "klipper" and not mesh)
     touches = readings.plan.touches
@@ -264,12 +264,12 @@ def _check_stored(readings: Readings, machine: LinearDelta, *, reckoned: bool) -
     far = ~(np.abs(value) < _FAR_MM)
     if n > 1 and np.ptp(value) == 0.0 and not reckoned:
         index, remedy = 0, "Probe the bed, and save the mesh."
-        what = f"All {n} heights are {value[0]:g}: a placeholder, not a measurement."
+        fault = f"All {n} heights are {value[0]:g}: a placeholder, not a measurement."
     elif far.any():
         index = int(np.argmax(far))
-        what, remedy = "The height", "Check it, and probe the bed again."
+        fault, remedy = "The height", "Check it, and probe the bed again."
         if not readings.plan.touches[index]:
-            what = "The stored distance"
+            fault = "The stored distance"
             remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
         elif reckoned:
             remedy = (
@@ -278,14 +278,14 @@ def _check_stored(readings: Readings, machine: LinearDelta, *, reckoned: bool) -
             )
         size = abs(float(value[index]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
-        what = f"{what} is {off} with the settings in force."
+        fault = f"{fault} is {off} with the settings in force."
     elif away.max() > BEYOND * machine.bed_radius_mm and not reckoned:
         index = int(np.argmax(away))
-        what = f"The place is {away.max():.0f} mm from the middle of the bed."
+        fault = f"The place is {away.max():.0f} mm from the middle of the bed."
         remedy = (
             f"Check it, and the radius of the bed ({machine.bed_radius_mm:g} mm): print_radius of"
             " [printer], else its delta_radius; or B of M665."
         )
     else:
         return
-    raise InputError(what, remedy, file=readings.source.path, line=int(readings.line[index]))
+    raise InputError(fault, remedy, file=readings.source.path, line=int(readings.line[index]))

@@ -79,8 +79,8 @@ def _length(value: object, info: ValidationInfo) -> float:
     size *= MM_PER_INCH if info.field_name == info.context.in_inches else 1.0
     longest = info.context.longest.get(info.field_name, math.inf)
     if abs(size) > longest:
-        what = f"The length is larger than this machine allows: {longest:g} mm."
-        raise InputError(what, "Check the unit and the decimal mark; lengths are in mm.")
+        fault = f"The length is larger than this machine allows: {longest:g} mm."
+        raise InputError(fault, "Check the unit and the decimal mark; lengths are in mm.")
     return size
 
 
@@ -110,8 +110,8 @@ def _entered(value: object, info: ValidationInfo) -> object:
         return value
     offsets = tuple(_length(text, info) for text in value.split())
     if len(offsets) != len(AXES):
-        what = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
-        raise InputError(what, remedy)
+        fault = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
+        raise InputError(fault, remedy)
     return offsets
 
 
@@ -137,9 +137,9 @@ _CHOICES: Mapping[str | None, tuple[Sequence[str], str, str]] = {
 
 
 def _choice(text: str, info: ValidationInfo) -> str:
-    known, what, remedy = _CHOICES[info.field_name]
+    known, fault, remedy = _CHOICES[info.field_name]
     if text.lower() not in known:
-        raise InputError(what, remedy)
+        raise InputError(fault, remedy)
     return text.lower()
 
 
@@ -331,11 +331,11 @@ class Table(Content):
             try:
                 cells = [cell.strip(_BLANKS) for cell in next(reader)]
             except csv.Error as error:
-                what = f"The row cannot be split into cells: {error}."
+                fault = f"The row cannot be split into cells: {error}."
                 if "end of data" in str(error):
-                    what = "A quotation mark is opened and never closed."
+                    fault = "A quotation mark is opened and never closed."
                 remedy = 'Close it, or write "" for a quotation mark inside quotes.'
-                self.add(what, remedy, line=line, value=shown)
+                self.add(fault, remedy, line=line, value=shown)
                 break
             at += reader.line_num  # quotes may span lines
             if not self.columns:
@@ -345,12 +345,12 @@ class Table(Content):
                 self.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
                 break
             elif any(cells[len(self.columns) :]):
-                what = f"The row has {len(cells)} cells, the header {len(self.columns)}."
+                fault = f"The row has {len(cells)} cells, the header {len(self.columns)}."
                 remedy = f"Put a cell that holds {delimiter!r} in quotes."
                 if delimiter == ",":
                     remedy = "For decimal commas separate the columns with semicolons"
                     remedy += ", in the header too."
-                self.add(what, remedy, line=line, value=shown)
+                self.add(fault, remedy, line=line, value=shown)
             elif any(cells):
                 self.lines[len(self.rows),] = line
                 pairs = zip(self.columns, cells, strict=False)
@@ -361,12 +361,12 @@ class Table(Content):
         self.columns = [name.lower() for name in cells[:_COLUMNS]]
         self.header_line = line
         if len(cells) > _COLUMNS:
-            what = f"The header has more than {_COLUMNS} columns."
-            self.add(what, "Check the delimiter.", line=line)
+            fault = f"The header has more than {_COLUMNS} columns."
+            self.add(fault, "Check the delimiter.", line=line)
         for index, name in enumerate(self.columns):
             if name and name in self.columns[:index]:
-                what = "The header names this column twice."
-                self.add(what, "Rename or remove one.", line=line, column=name)
+                fault = "The header names this column twice."
+                self.add(fault, "Rename or remove one.", line=line, column=name)
 
     def parse(self, text: str) -> float:
         return parse_number(text, decimal_comma=self.decimal_comma)
@@ -394,9 +394,9 @@ class Table(Content):
                 remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
             self.add("The column is missing.", remedy, line=self.header_line, column=name)
         if {last, inches} <= set(present):
-            what = "Lengths are given both in mm and in inches."
+            fault = "Lengths are given both in mm and in inches."
             remedy = f"Keep one of the columns {last} and {inches}."
-            self.add(what, remedy, line=self.header_line, column=inches)
+            self.add(fault, remedy, line=self.header_line, column=inches)
         if len(self.problems) > before:
             raise self.error()
         self._check_split_numbers()
@@ -413,10 +413,10 @@ class Table(Content):
         cells, fractions = ([row.get(name, "") for row in self.rows] for name in (value, after))
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
         if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
-            what = f"Every reading is a whole number with digits in the next column, {after!r}:"
-            what += " decimal commas?"
+            fault = f"Every reading is a whole number with digits in the next column, {after!r}:"
+            fault += " decimal commas?"
             remedy = "Write decimal points, or separate the columns with semicolons."
-            self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
+            self.add(fault, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
 
 
 R = TypeVar("R", bound=Row)
@@ -515,8 +515,8 @@ class Rows(Generic[R]):
             filled = [column in cells for cells in self.cells]
             for index, cells in enumerate(self.cells if any(filled) else ()):
                 if cells and not filled[index]:
-                    what = "The cell is empty here but filled in other rows."
-                    self.note(index, column, what, "Fill it in every row or in none.")
+                    fault = "The cell is empty here but filled in other rows."
+                    self.note(index, column, fault, "Fill it in every row or in none.")
 
 
 def times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
@@ -532,16 +532,16 @@ def check_order(rows: Rows[Timed]) -> None:
     first: dict[int, int] = {}
     for index, row in rows.sound:
         if row.seq is not None and first.setdefault(row.seq, index) != index:
-            what = f"The same number is in line {rows.line(first[row.seq])}."
+            fault = f"The same number is in line {rows.line(first[row.seq])}."
             remedy = "Number the readings in the order in which they were taken."
-            rows.note(index, "seq", what, remedy)
+            rows.note(index, "seq", fault, remedy)
     in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
     for (before, one), (after, other) in pairwise(in_time):
         if one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
-            what = f"Time runs backwards: line {rows.line(before)} was taken before this one."
+            fault = f"Time runs backwards: line {rows.line(before)} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
             column = "minutes" if "minutes" in rows.cells[after] else "timestamp"
-            rows.note(after, column, what, remedy)
+            rows.note(after, column, fault, remedy)
 
 
 # --- readings ----------------------------------------------------------------------------------
@@ -685,15 +685,15 @@ def _time(rows: Rows[ReadingRow], started: str | None) -> None:
         first = datetime.fromisoformat(started) if started else min(taken.values())
         minutes = {k: (moment - first).total_seconds() / 60.0 for k, moment in taken.items()}
     except TypeError:
-        what = "Some times have a time zone and others have none."
+        fault = "Some times have a time zone and others have none."
         remedy = "Write all of them, and `started`, in the same way."
-        rows.note(min(taken), "timestamp", what, remedy)
+        rows.note(min(taken), "timestamp", fault, remedy)
         return
     for index, row in rows.sound:
         rows.rows[index] = row.changed(minutes=minutes[index])
         if not 0.0 <= minutes[index] <= LATEST_MINUTES:
-            what = "The time is before `started`, or years after it."
-            rows.note(index, "timestamp", what, "Correct the time, or `started`.")
+            fault = "The time is before `started`, or years after it."
+            rows.note(index, "timestamp", fault, "Correct the time, or `started`.")
 
 
 def _check_parts(rows: Rows[ReadingRow]) -> None:
@@ -702,9 +702,9 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
     for index, row in sorted(rows.sound, key=lambda item: item[1].seq or 0):
         part = row.part or 1
         if not last <= part <= last + 1:
-            what = f"Part {part} does not follow part {last}."
+            fault = f"Part {part} does not follow part {last}."
             remedy = "Number the parts 1, 2 and so on, in the order in which they were measured."
-            rows.note(index, "part", what, remedy)
+            rows.note(index, "part", fault, remedy)
         last = max(last, part)
 
 
@@ -764,12 +764,12 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     for index, name in names.items():
         if name not in known[kind]:
             others = f"{kind} ({KIND_WORDS[kind]})"
-            what = f"The name is of another kind than the others, which are {others}."
-            rows.note(index, "difference", what, f"Give one kind in one file. {DIFFERENCE_NAMES}")
+            fault = f"The name is of another kind than the others, which are {others}."
+            rows.note(index, "difference", fault, f"Give one kind in one file. {DIFFERENCE_NAMES}")
         elif name in first:
-            what = f"The difference is already in line {first[name]}."
+            fault = f"The difference is already in line {first[name]}."
             remedy = "Give each difference once; average repeats, or give the raw readings."
-            rows.note(index, "difference", what, remedy)
+            rows.note(index, "difference", fault, remedy)
         first.setdefault(name, rows.line(index))
     return kind
 
@@ -885,17 +885,17 @@ def session_from_tree(
     """
     if not isinstance(tree.value, dict) or "readings" not in tree.value:
         if machine_file.is_machine_file(tree):
-            what = "This is a machine file; it holds no readings."
+            fault = "This is a machine file; it holds no readings."
             remedy = "Give it with --machine, and a file of readings as the input."
-            raise InputError(what, remedy, file=tree.file)
-        what = "This is neither a table of readings or differences nor a session."
+            raise InputError(fault, remedy, file=tree.file)
+        fault = "This is neither a table of readings or differences nor a session."
         header = "leg, posture, direction, reading_mm or difference, value_mm"
         remedy = f"A CSV has a header with {header}; a session has `readings:`."
-        raise InputError(what, remedy, file=tree.file, line=1)
+        raise InputError(fault, remedy, file=tree.file, line=1)
     if model and not model.machine.vocabulary.measure:
         none = f"a machine of kind {model.machine.kind} has none."
-        what = f"The session was read with gauges; {none}"
-        raise InputError(what, "Leave --machine out.", file=tree.file)
+        fault = f"The session was read with gauges; {none}"
+        raise InputError(fault, "Leave --machine out.", file=tree.file)
     recorded = machine_file.machine_in(tree, ("machine",))
     replaced = Rows(tree, ReadingRow, ("retaken",))
     skipped = Rows(tree, ReadingRow, ("skipped",), wanted=False)

@@ -78,13 +78,13 @@ def read_bytes(path: str) -> bytes:
         with Path(path).open("rb") as file:
             return file.read(_LARGEST + 1)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
-        what = f"The file cannot be read: {system_words(error)}."
+        fault = f"The file cannot be read: {system_words(error)}."
         remedy = "Check the path and its permissions."
         if isinstance(error, FileNotFoundError):
-            what, remedy = "There is no such file.", "Check the path."
+            fault, remedy = "There is no such file.", "Check the path."
         elif isinstance(error, IsADirectoryError):
-            what, remedy = "This is a folder.", "Name a file inside it."
-        raise InputError(what, remedy, file=path) from error
+            fault, remedy = "This is a folder.", "Name a file inside it."
+        raise InputError(fault, remedy, file=path) from error
 
 
 def document_from_bytes(data: bytes, path: str) -> FileText:
@@ -100,9 +100,9 @@ def document_from_bytes(data: bytes, path: str) -> FileText:
 def check_size(size: int, path: str, limit: int) -> None:
     """Raise InputError if `size` bytes are more than `limit`."""
     if size > limit:
-        what = f"The file is larger than {limit // 1_000_000} MB, the most that is read."
+        fault = f"The file is larger than {limit // 1_000_000} MB, the most that is read."
         remedy = "Check that this is the right file; a session of an hour has a few kilobytes."
-        raise InputError(what, remedy, file=path)
+        raise InputError(fault, remedy, file=path)
 
 
 def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> None:

@@ -56,8 +56,8 @@ class Geometry(ReadOnly):
             *place, leg = (int(k) for k in np.argwhere(root2.real < 0.0)[0])
             batch = np.broadcast_to(tool, (*root2.shape[:-1], 3))
             at = ", ".join(f"{c:.3f}" for c in batch[tuple(place)].real)
-            what = f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail."
-            raise PostureError(what, "Choose a point inside the workspace.")
+            fault = f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail."
+            raise PostureError(fault, "Choose a point inside the workspace.")
         return np.asarray(along + np.sqrt(root2))
 
 
@@ -200,8 +200,8 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
     second2, third2 = _dot(to_second, to_second), _dot(to_third, to_third)
     on_a_line = area2.real <= SINGULAR**2 * np.abs(second2 * third2)
     if strict and np.any(on_a_line):
-        what = "The three carriage joints lie on a line: the tool position is not determined."
-        raise PostureError(what, "Change the joint positions.")
+        fault = "The three carriage joints lie on a line: the tool position is not determined."
+        raise PostureError(fault, "Change the joint positions.")
     area2 = np.where(on_a_line, np.nan, area2)
     squares = lengths**2
     half_second = 0.5 * (second2 + squares[0] - squares[1])

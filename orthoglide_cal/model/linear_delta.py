@@ -562,8 +562,8 @@ class LinearDelta(Machine):
         return then if then.kind == self.kind else self
 
     def holding(self, active: Sequence[float]) -> Self:
-        what = "The firmware of a printer keeps what it is given; nothing is recorded here."
-        raise UsageError(what, "Leave --applied out, and name a printer.cfg of each time.")
+        fault = "The firmware of a printer keeps what it is given; nothing is recorded here."
+        raise UsageError(fault, "Leave --applied out, and name a printer.cfg of each time.")
 
     def check_same(self, later: Machine) -> None:
         both = self, LinearDelta.require(later)
@@ -597,14 +597,14 @@ class LinearDelta(Machine):
         # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
-        what = "distance" if plan.distance[index] else "touch"
-        return f"x {x}, y {y} mm ({what} {number})"
+        fault = "distance" if plan.distance[index] else "touch"
+        return f"x {x}, y {y} mm ({fault} {number})"
 
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:
         """Touches spread evenly over the bed in a mixed order; all of one height, then the next."""
         if wanted.protocol or wanted.gauge_at is not None:
-            what = "--protocol and --gauge-at are for machines that are measured with gauges."
-            raise UsageError(what, "Leave them out.")
+            fault = "--protocol and --gauge-at are for machines that are measured with gauges."
+            raise UsageError(fault, "Leave them out.")
         at = mixed(rings(wanted.places or 41, REACH * self.bed_radius_mm))
         parts = [(at, height) for height in wanted.heights or (0.0,)] * (wanted.cycles or 1)
         return layout_of("simulated", "", parts).plan
@@ -663,8 +663,8 @@ class LinearDelta(Machine):
             # A place that is touched on both heights has one local shape.
             bed = mixed(np.vstack((rings(count, REACH * self.bed_radius_mm), upper)))
             again = f"{some} of them again on a block of {HIGH_MM:g} mm"
-            what = f"{len(bed)} places of the bed, and {again}"
-            layouts.append(layout_of("telling", what, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
+            fault = f"{len(bed)} places of the bed, and {again}"
+            layouts.append(layout_of("telling", fault, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
         return tuple(sorted(layouts, key=lambda layout: layout.minutes))
 
     def local_shape(self, plan: ProbePlan) -> Influence:

@@ -75,8 +75,8 @@ def _of_the_kind(active: Mapping[str, float], info: ValidationInfo) -> Mapping[s
     """All parameters in their order; the context is the class of the machine."""
     names = info.context.parameter_names if info.context else tuple(active)
     for name in sorted(active.keys() ^ set(names)):
-        what = f"The key is {'missing' if name in names else 'not known'}."
-        raise InputError(what, f"Give {', '.join(names)}, each once.", column=name)
+        fault = f"The key is {'missing' if name in names else 'not known'}."
+        raise InputError(fault, f"Give {', '.join(names)}, each once.", column=name)
     return MappingProxyType({name: active[name] for name in names})
 
 
@@ -460,8 +460,8 @@ class Machine(Schema):
         parameters have values of their own on each date, and the readings, (n,) [mm]. Raises
         UsageError for what cannot be joined.
         """
-        what = "--together is for touches of one printer's bed on several dates."
-        raise UsageError(what, "Leave it out: each file is then judged alone.")
+        fault = "--together is for touches of one printer's bed on several dates."
+        raise UsageError(fault, "Leave it out: each file is then judged alone.")
 
     @property
     def unobservable(self) -> tuple[str, ...]:
@@ -537,8 +537,8 @@ class Machine(Schema):
     def check_guided(self) -> None:
         """Raises UsageError for a machine that nobody measures by hand, step by step."""
         if not self.vocabulary.measure:
-            what = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
-            raise UsageError(what, self.vocabulary.probing)
+            fault = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
+            raise UsageError(fault, self.vocabulary.probing)
 
     def judging(self, then: Machine) -> Machine:
         """The machine by which readings are judged that were taken when it was as `then`.

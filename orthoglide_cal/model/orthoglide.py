@@ -149,8 +149,8 @@ class Orthoglide(Machine):
         low, high = given.data.get("joint_limits_mm", (-math.inf, math.inf))
         beyond = [name for name, offset in offsets._asdict().items() if abs(offset) > high - low]
         if beyond:
-            what = f"The offset is larger than the travel of {high - low:g} mm."
-            raise InputError(what, "Check its unit: mm.", column=beyond[0])
+            fault = f"The offset is larger than the travel of {high - low:g} mm."
+            raise InputError(fault, "Check its unit: mm.", column=beyond[0])
         return offsets
 
     @field_validator("joint_limits_mm")
@@ -295,11 +295,11 @@ class Orthoglide(Machine):
             return None
         row, left = rows[worst], float(keeps[worst]) * self.leg_length_mm
         where = f"with carriage {AXES[plan.leg[row]]} at {plan.displacement[row]:+g} mm"
-        what = f"The plunger comes near the end of the bar: {left:.3g} mm from it {where}."
+        fault = f"The plunger comes near the end of the bar: {left:.3g} mm from it {where}."
         if left < 0.0:
             end = "carriage joint" if at[worst] < 0.5 else "tool"
-            what = f"The plunger leaves the bar: {where} the gauge is {-left:.3g} mm beyond the"
-            what += f" {end}."
+            fault = f"The plunger leaves the bar: {where} the gauge is {-left:.3g} mm beyond the"
+            fault += f" {end}."
         # In whole millimetres that are no farther out, if there are any.
         reach = self.reach_mm(0.5)
         low, high = (math.trunc(end + math.copysign(ROUNDING, end)) or end for end in reach)
@@ -308,7 +308,7 @@ class Orthoglide(Machine):
             f" joint_limits_mm in the machine file smaller: [{low:g}, {high:g}] is safe with the"
             " gauges half-way."
         )
-        return Suspicion(what, remedy, max(-left, 0.0))
+        return Suspicion(fault, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
         """Where the carriages are sent; raises PostureError for a posture out of reach."""

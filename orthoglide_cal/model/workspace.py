@@ -64,8 +64,8 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
     reached = Points.of(model.real.geometry, _standing(model, indicated, np.zeros(3)), strict=True)
     jacobian = behind_batch(reached.tool_derivative, 2)
     if not np.isfinite(jacobian).all():
-        what = "The three legs lie in one plane: the machine is singular at a posture."
-        raise PostureError(what, "Choose a smaller workspace.")
+        fault = "The three legs lie in one plane: the machine is singular at a posture."
+        raise PostureError(fault, "Choose a smaller workspace.")
     left = np.linalg.norm(behind_batch(reached.tool, 1) - points, axis=-1)
     return left, np.ascontiguousarray(jacobian)
 
@@ -129,8 +129,8 @@ def compensation(model: Model, points: int = 7) -> Compensation:
     """
     chosen = tuple(effect for effect in model.remaining() if effect.cause.compensable)
     if not chosen:
-        what = "The machine file holds no accepted cause that a table could compensate."
-        raise UsageError(what, "Accept one first, with diagnose and its option --accept.")
+        fault = "The machine file holds no accepted cause that a table could compensate."
+        raise UsageError(fault, "Accept one first, with diagnose and its option --accept.")
     grid, nominal = _grid(model, points)
     known = Model(model.machine, chosen)
     # Indicated joints that really put the tool there. Causes of the motion are nearly the identity,
