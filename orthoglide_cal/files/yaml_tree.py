@@ -46,11 +46,11 @@ def load_tree(file: FileText) -> Content:
             (next(nodes) > _NODES, f"More than {_NODES} values.", "Give a smaller file."),
             (len(path) > _DEPTH, *_TOO_DEEP),
         )
-        for wrong, what, remedy in refused:
+        for wrong, fault, remedy in refused:
             if wrong:
                 value, column = wrong if isinstance(wrong, str) else None, dotted(path) or None
                 raise InputError(
-                    what, remedy, file=file.path, line=line, column=column, value=value
+                    fault, remedy, file=file.path, line=line, column=column, value=value
                 )
 
     def read(event: yaml.NodeEvent, path: Steps, line: int) -> object:
@@ -72,14 +72,14 @@ def load_tree(file: FileText) -> Content:
             if not isinstance(inner, yaml.ScalarEvent) or (
                 not inner.style and inner.value in _NULLS
             ):
-                what, remedy = "A key must be a word.", "Write `name: value`."
-                raise InputError(what, remedy, file=file.path, line=line)
+                fault, remedy = "A key must be a word.", "Write `name: value`."
+                raise InputError(fault, remedy, file=file.path, line=line)
             key = (*path, inner.value)
             first, value = tree.lines.get(key), read(next(events), key, line)
             if inner.value in group:
-                what = f"The key is given twice (first in line {first})."
+                fault = f"The key is given twice (first in line {first})."
                 text = value if isinstance(value, str) else None
-                tree.add(what, "Remove one of them.", line, dotted(key), text)
+                tree.add(fault, "Remove one of them.", line, dotted(key), text)
             group.setdefault(inner.value, value)
         return items if isinstance(event, yaml.SequenceStartEvent) else group
 
@@ -88,8 +88,8 @@ def load_tree(file: FileText) -> Content:
             line = event.start_mark.line + 1
             documents += isinstance(event, yaml.DocumentStartEvent)
             if documents > 1:
-                what = "The file holds several documents."
-                raise InputError(what, "Remove the `---`.", file=file.path, line=line)
+                fault = "The file holds several documents."
+                raise InputError(fault, "Remove the `---`.", file=file.path, line=line)
             if isinstance(event, yaml.NodeEvent):
                 tree.value = read(event, (), line)
     except yaml.YAMLError as error:
@@ -102,15 +102,18 @@ def load_tree(file: FileText) -> Content:
         blanks = "".join(file.text.splitlines()[line - 1 : line]) if line else ""
         if "\t" in blanks[: len(blanks) - len(blanks.lstrip())]:
             problem, remedy = "a tab in the indentation", "Indent with spaces, not tabs."
-        what = f"This is not valid YAML: {problem}."
+        fault = f"This is not valid YAML: {problem}."
         if "nesting depth" in problem:  # a limit of the parser, which looks ahead
-            what, remedy = _TOO_DEEP
-        raise InputError(what, remedy, file=file.path, line=line) from error
+            fault, remedy = _TOO_DEEP
+        raise InputError(fault, remedy, file=file.path, line=line) from error
     return tree
 
 
-def yaml_text(value: object) -> str:
-    """YAML of plain values, in the order given, as `load_tree` reads it back."""
+def yaml_text(value: object, width: int = 1000) -> str:
+    """YAML of plain values, in the order given, as `load_tree` reads it back.
+
+    Groups of numbers go on in the next line behind `width` characters.
+    """
     # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
     apart = json.loads(json.dumps(value))
     written: str = yaml.dump(
@@ -119,7 +122,7 @@ def yaml_text(value: object) -> str:
         default_flow_style=None,
         sort_keys=False,
         allow_unicode=True,
-        width=1000,
+        width=width,
     )
     return written
 

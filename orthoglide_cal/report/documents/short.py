@@ -17,17 +17,19 @@ from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
-from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures, wrapped
+from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
 
 
+_KEYS = 58  # characters behind which the keys of a group go on in the next line of a terminal
+
+
 def machine_document(model: Model) -> doc.Document:
     """A machine under the keys of its file."""
     values = machine_values(model)
-    lines = wrapped(yaml_text(values).rstrip(), 80).split("\n")
-    sections = [doc.Section(None, doc.Listing(lines))]
+    sections = [doc.Section(None, doc.Listing(yaml_text(values, _KEYS).splitlines()))]
     page = doc.Page("Machine", model.machine.name, sections=sections)
     return doc.Document(lambda: values, lambda: page)
 
