@@ -3,12 +3,11 @@ next steps, and the facts about machine, gauges and circumstances, in the words 
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from datetime import datetime
+from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
@@ -17,13 +16,12 @@ from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Answer, CheckReading, Identity, Validity, recording
-from orthoglide_cal.results.answer import RETAKE, THEN, InputFile
+from orthoglide_cal.results import Answer, CheckReading, recording
+from orthoglide_cal.results.answer import RETAKE, THEN
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     decimals_for,
-    moment_words,
     plain,
     short,
     signed,
@@ -41,9 +39,6 @@ _DATA: Mapping[str, tuple[str, str]] = {
 }
 # What makes a result worthless if it is overlooked: it stands first.
 INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
-# What the owner of a machine wrote for its reports: who and which; how and with what.
-OWNER = ("organisation", "address", "place", "customer", "serial_number")
-MEANS = ("method", "traceability", "authorised_by", "gauge_due")
 LARGEST_OFFSET = 10.0  # beyond it a length or an angle is no offset
 _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
@@ -247,93 +242,8 @@ def input_words(given: Input) -> str:
     return data_words(given.measured.source, given.measured.kind, len(given.measured))
 
 
-def origin(inputs: Sequence[Input]) -> Iterator[tuple[str, doc.Blank]]:
-    """Origin of one measurement, or of before and after: file, number and kind, digest."""
-    names = ("Before", "After") if len(inputs) > 1 else ("Input",)
-    for name, given in zip(names, inputs, strict=True):
-        source = given.measured.source
-        yield name, doc.given(f"{file_words(source.path)} ({input_words(given)})")
-        yield "SHA-256", doc.code(source.sha256)
-
-
 def comparison_words(single: bool) -> tuple[str, str]:
     """The kind of differences that are promised, and the meaning of their names."""
     if single:
         return "tool end − joint end", "dz_x+ is along z on leg x at max."
     return "max − min", "dx_y is along x on leg y."
-
-
-def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
-    """Facts that the owner wrote under these names into the machine's file."""
-    texts = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
-    return tuple((name, doc.given(text)) for name, text in texts.items() if text is not None)
-
-
-def signed_page(
-    kind: str,
-    machine: Machine,
-    identity: Identity,
-    inputs: Sequence[tuple[InputFile, Validity]],
-    simulated: bool,
-) -> doc.Page:
-    """The beginning of a numbered page: its subject, and the conditions under which it holds.
-
-    Its `inputs` are one measurement, or before and after; of simulated ones it is no report.
-    """
-    words = machine.vocabulary
-    number = ("Number", doc.code(identity.number))
-    issued = ("Issued", moment_words(identity.issued))
-    first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)
-    named = ((name.capitalize(), value) for name, value in first.items())
-    strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
-    if later:
-        strip = doc.Grid(
-            ("conditions", "before", "after"),
-            [(name, value, later[0][name]) for name, value in first.items()],
-            words=(0, 1, 2),
-            caption=f"{identity.software}; data with the first digits of SHA-256.",
-        )
-    return doc.Page(
-        kind="Practice report" if simulated else kind,
-        title=machine.name,
-        number=identity.number,
-        facts=doc.Facts((*stated(machine, OWNER), number, issued)),
-        sheet=[doc.Section(None, strip)],
-        scope="The results relate only to the machine and the instruments named here, as they were"
-        f" when measured, and to the {words.positions} and conditions stated. The report is valid"
-        " only with all its pages: reproduce it only in full.",
-        simulated=simulated,
-    )
-
-
-def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
-    """The verdict with what a reader has to know before relying on it."""
-    return replace(notice, lines=(*notice.lines, *map(doc.doubtful, reservations)))
-
-
-def _conditions(of: InputFile, validity: Validity, noted: Sequence[str]) -> dict[str, doc.Blank]:
-    """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
-    gauges: list[doc.Inline] = []
-    for gauge in validity.gauges:
-        gauges += ["; " if gauges else "", doc.given(gauge.id)]
-        if gauge.certificate:
-            gauges += [", certificate ", doc.given(gauge.certificate)]
-        if gauge.expanded_mm is not None:
-            gauges.append(f", U {short(gauge.expanded_mm, 6)} mm")
-        due = f"due {gauge.due}" if gauge.due else "due date not given"
-        gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
-    known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
-    temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
-    rows: dict[str, doc.Blank] = {
-        "measured": moment(validity.measured),
-        "gauges": tuple(gauges) or None,
-        "temperature": ", ".join(temperatures) or None,
-        "operator": validity.operator and doc.given(validity.operator),
-        "data": (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12])),
-    }
-    return {name: row for name, row in rows.items() if name in ("measured", "data", *noted)}
-
-
-def moment(written: str | None) -> doc.Marked | None:
-    """An ISO 8601 time, as people read it."""
-    return None if written is None else doc.given(moment_words(datetime.fromisoformat(written)))

@@ -30,7 +30,7 @@ from orthoglide_cal.report.case import (
     size_words,
     sizes_words,
 )
-from orthoglide_cal.report.documents.pictures import (
+from orthoglide_cal.report.figures import (
     brief_residuals,
     differences_figure,
     residual_blocks,
