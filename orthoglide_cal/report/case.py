@@ -10,13 +10,13 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.cause import Cause, Estimate
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Answer, CheckReading, recording
+from orthoglide_cal.results import Answer, CheckReading, Parameter, recording
 from orthoglide_cal.results.answer import RETAKE, THEN
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -37,7 +37,7 @@ _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.TWELVE: ("difference", " from the isotropic posture"),
     DataKind.SINGLE: ("difference", ", tool end − joint end"),
 }
-# What makes a result worthless if it is overlooked: it stands first.
+# Reasons that make a result worthless if they are overlooked: they stand first.
 INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 LARGEST_OFFSET = 10.0  # beyond it a length or an angle is no offset
 _TAKING_METHODS = ("solve", "report", "export")
@@ -174,19 +174,12 @@ class Case:
 
 def check_words(check: CheckReading) -> str:
     """The check posture as an instruction, with the number that is expected."""
-    moves = f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
-    today = f"(today {signed(check.before_mm, decimals_for(check.expanded_mm))})"
+    code = "check_ends" if check.ends else "check_drive"
+    moves = with_uncertainty(check.expected_mm, check.expanded_mm)
+    today = signed(check.before_mm, decimals_for(check.expanded_mm))
     first, second = (position_words(place, 3) for place in (check.first_mm, check.second_mm))
-    if check.ends:
-        return (
-            f"Check: put the gauge on leg {check.leg}, along {check.direction}, at {first}; the"
-            f" tool end must read {moves} more than the joint end {today}."
-        )
-    return (
-        f"Check: put the gauge {plain(check.gauge_mm or 0.0, 0)} mm from carriage {check.leg},"
-        f" along {check.direction}; drive from {first} to {second}; it must move by {moves}"
-        f" {today}."
-    )
+    data = {"check": check, "first": first, "second": second, "moves": moves, "today": today}
+    return sentence(Reason.of(code, **data))
 
 
 def size_words(value: float, expanded: float, unit: str) -> str:
@@ -196,16 +189,17 @@ def size_words(value: float, expanded: float, unit: str) -> str:
     return f"{number} {unit_words(unit)}".rstrip()
 
 
-def sizes_words(sizes: Iterable[tuple[str, float, float, str]]) -> str:
-    """Names, values ± U and units; a unit stands once, behind the last that has it.
+def sizes_words(sizes: Iterable[Estimate | Parameter]) -> str:
+    """Names, values ± U and units of what is determined; a unit behind the last that has it.
 
-    >>> sizes_words([("x", 0.5, 0.02, "mm"), ("y", -0.1, 0.02, "mm"), ("angle_a", 1.0, 0.0, "deg")])
-    'x +0.500 ± 0.020, y −0.100 ± 0.020 mm, angle_a +1 deg'
+    >>> sizes_words([Estimate(name=axis, value=-0.1, std=0.01, unit="mm") for axis in "xy"])
+    'x −0.100 ± 0.020, y −0.100 ± 0.020 mm'
     """
-    texts, rows = [], [*sizes]
-    for (name, value, expanded, unit), later in zip_longest(rows, rows[1:]):
-        last = later is None or later[-1] != unit
-        texts.append(f"{name} {size_words(value, expanded, unit if last else '')}")
+    values = ((e, e.found if isinstance(e, Parameter) else e.value) for e in sizes)
+    rows, texts = [(size, value) for size, value in values if value is not None], []
+    for (size, value), later in zip_longest(rows, rows[1:]):
+        last = later is None or later[0].unit != size.unit
+        texts.append(f"{size.name} {size_words(value, size.expanded, size.unit if last else '')}")
     return ", ".join(texts)
 
 

@@ -489,15 +489,14 @@ _BED_LEGEND = (
     "  Seen from above, y upwards: + the probe triggered too high, − too low;",
     "  · noise, + − over 2σ, ▲ ▼ over 4σ.",
 )
-_MOST_SERIES = 6  # on a screen, each in half as many postures
+_MOST_SERIES = 6  # on a screen; of columns two more
 _MOST_DRAWN = 3  # parameters of a cause
 _RINGED = "Ringed: beyond four robust standard deviations."
 _MOST_GAUGES = 2  # of the readings that it spoils
-# What a pattern depends on if not on time: a column of the residuals.
+# Pattern → what it depends on if not on time: a column of the residuals.
 _DEPENDS = {"repeats": "displacement_mm", "hysteresis": "moved_mm", "temperature": "temperature_c"}
 # Such a column → its name on an axis.
 _AXIS = {
-    "": "",
     "minutes": "min",
     "displacement_mm": "carriage at, mm",
     "moved_mm": "plunger moved by, mm",
@@ -656,13 +655,14 @@ def reading_panels(
         shown: the readings whose gauges have a panel; () for all.
         ringed: readings that are wrong.
     """
-    axis, at = _AXIS[over], _column(rows, over) if over else np.zeros(len(rows))
+    axis, at = _AXIS.get(over, ""), _column(rows, over) if over else np.zeros(len(rows))
     gauges: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
         gauge = "all touches" if row.x_mm is not None else "all differences"
         gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
     chosen = {gauge: ks for gauge, ks in sorted(gauges.items()) if not shown or {*shown} & {*ks}}
-    panels = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
+    known = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
+    panels = {gauge: ks for gauge, ks in known.items() if ks}
     width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
@@ -674,8 +674,6 @@ def reading_panels(
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
-        if not numbers:
-            continue
         if not over:
             numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
             names = list(dict.fromkeys(places[k] for k in numbers))
@@ -852,7 +850,7 @@ def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
 
 def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
     """The machine with a cause of such sizes, drawn; None where no drawing shows it."""
-    # Those beyond U, the largest first; the largest ones if none is.
+    # Sizes beyond U, the largest first; all of them if none is.
     largest = sorted(sizes, key=lambda size: -abs(size.value))
     seen = [size for size in largest if abs(size.value) > size.expanded] or largest
     drawn = [size for size in seen if {*size.name} <= {*AXES, "_"}][:_MOST_DRAWN]

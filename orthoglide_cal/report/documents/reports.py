@@ -28,9 +28,7 @@ from orthoglide_cal.report.documents.answer import (
     cause_sizes,
     decision_notice,
     evidence,
-    open_blocks,
-    parameters_grid,
-    parameters_title,
+    parameters_section,
     promised_figure,
     steps_section,
     to_do,
@@ -54,7 +52,7 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-# What the owner of a machine wrote for its reports: who and which; how and with what.
+# Fields of its reports that the owner of a machine fills in: who and which; how, with what.
 _OWNER = ("organisation", "address", "place", "customer", "serial_number")
 _MEANS = ("method", "traceability", "authorised_by", "gauge_due")
 _MOST_NOTES = 40
@@ -102,7 +100,8 @@ def calibration_document(
         causes, rivals = _causes(case), [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
-        parameters, pages = _parameters(case, limit_mm), [*map(_other, case.others)]
+        parameters = parameters_section(case, promised_figure(case, limit_mm))
+        pages = [*map(_other, case.others)]
         if left is not None:
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
@@ -149,12 +148,6 @@ def _notice(case: Case) -> doc.Notice:
     papers = (e for e in case.answer.validity.reservations if e.code not in INVALIDATING)
     doubts = (doc.doubtful(case.says(e)) for e in papers if e not in known)
     return replace(notice, lines=(*notice.lines, *doubts))
-
-
-def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
-    """The parameters with U, and each difference as found and as expected on one axis."""
-    blocks = (parameters_grid(case), *open_blocks(case), promised_figure(case, limit_mm))
-    return doc.Section(parameters_title(case), *blocks)
 
 
 def _causes(case: Case) -> list[doc.Section]:
@@ -306,12 +299,7 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 
 def _screen(result: Verification) -> doc.Page:
-    left = (
-        (row.name, row.found, row.expanded, row.unit)
-        for row in result.after.parameters
-        if row.found is not None
-    )
-    parameters = f"Left: {sizes_words(left)}."
+    parameters = f"Left: {sizes_words(result.after.parameters)}."
     before, after = map(input_words, result.inputs)
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     notice = replace(_verification_notice(result), aside=f"{result.machine}, {both}")
