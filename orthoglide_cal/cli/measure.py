@@ -137,9 +137,8 @@ def guided(
 
     Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
     """
-    from orthoglide_cal.session.asking import Asker
+    from orthoglide_cal.session.asking import Asker, Keyboard
     from orthoglide_cal.session.dialogue import Quit
-    from orthoglide_cal.session.keyboard import Keyboard
 
     names = ("SIGTERM", "SIGHUP", "SIGBREAK")
     caught = [getattr(signal, name) for name in names if hasattr(signal, name)]

@@ -29,9 +29,8 @@ from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import State
+from orthoglide_cal.session.events import Journal, State, create, decode
 from orthoglide_cal.session.gauges import Token
-from orthoglide_cal.session.journal import Journal, create, decode
 from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
 from orthoglide_cal.words import decimals_for, signed, with_uncertainty
 
@@ -218,7 +217,7 @@ class AdjustingDialogue(Dialogue):
         answer = asker.ask(f"{above}\n{now} > ", step, self.state.takes(step.number))
         raw = answer.raw if isinstance(answer, Token) else str(answer)
         longest = max(len(above), len(f"{now} > {raw}"))
-        self._stays = phase not in _ASKED and longest < asker.columns
+        self._stays = phase not in _ASKED and longest < asker.keyboard.columns
         self._receive(answer, step)
 
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
@@ -230,9 +229,9 @@ class AdjustingDialogue(Dialogue):
         drives_off, new = phase not in driven, step.setup != self._shown[0]
         if new:
             if step.cell.words:
-                rule, text = f"-- {plan.name} ".ljust(asker.columns - 2, "-"), PROBED
+                rule, text = f"-- {plan.name} ".ljust(asker.keyboard.columns - 2, "-"), PROBED
             else:
-                rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
+                rule, text = wording.set_up(self.setting, step.setup, begun, asker.keyboard.columns)
                 text = BEGUN if begun else text
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(

@@ -25,9 +25,8 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
-from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
+from orthoglide_cal.session.events import Doubt, Event, Journal, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
-from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
@@ -198,7 +197,7 @@ class Dialogue:
             gap = "\n"
             if step.setup != self._shown[0]:  # a visit's first entry
                 begun = step.setup in {s.setup for s in self.so_far.steps}
-                rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
+                rule, text = wording.set_up(setting, step.setup, begun, asker.keyboard.columns)
                 asker.say(f"\n{rule}", Style.TITLE)
                 asker.say(text)
                 gap = ""

@@ -39,8 +39,8 @@ from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
+from orthoglide_cal.session.events import Journal, create, decode
 from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal, create, decode
 from orthoglide_cal.session.readings import PriorReadings, Setting
 from orthoglide_cal.words import Unit, counted
 
@@ -391,7 +391,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         raise UsageError(fault, "Leave those options out, or begin a new session in another file.")
 
 
-# ---- its file: `session.yaml` in the end, `session.journal` meanwhile
+# ---- its file: `session.yaml` in the end, `session.events` meanwhile
 
 
 def session_path(given: Path) -> Path:

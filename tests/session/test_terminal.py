@@ -93,7 +93,7 @@ def test_every_interruption_keeps_everything(tmp_path: Path, how: str, when: str
 
 # Something is typed when nothing is read any more, before the terminal is given back.
 SLOW_TO_LEAVE = (
-    "import select; from orthoglide_cal.session.keyboard import Keyboard; close = Keyboard.close;"
+    "import select; from orthoglide_cal.session.asking import Keyboard; close = Keyboard.close;"
     "Keyboard.close = lambda it: (print('leaving'), select.select([0], [], []), close(it));"
 ) + AT_ONCE
 

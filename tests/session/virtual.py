@@ -22,6 +22,7 @@ from orthoglide_cal.session.events import (
     Arrived,
     Doubt,
     Event,
+    Journal,
     Noted,
     Opened,
     Questioned,
@@ -33,10 +34,10 @@ from orthoglide_cal.session.events import (
     Taken,
     Undone,
     advance,
+    create,
     replay,
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal, create
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
