@@ -26,13 +26,13 @@ from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjus
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
-from orthoglide_cal.session import events, wording
+from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
-from orthoglide_cal.session.dialogue import Dialogue
+from orthoglide_cal.session.dialogue import Dialogue, place_words, set_up
 from orthoglide_cal.session.events import Journal, State, create, decode
 from orthoglide_cal.session.gauges import Token
 from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
-from orthoglide_cal.words import decimals_for, signed, with_uncertainty
+from orthoglide_cal.words import decimals_for, signed, value_text, with_uncertainty
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -207,7 +207,7 @@ class AdjustingDialogue(Dialogue):
         self._introduce(step, phase, one)
         noun = self.setting.machine.vocabulary.noise  # the instrument that is read
         if phase in _ASKED:
-            above = wording.place(step, self.setting)
+            above = place_words(step, self.setting)
             now = f"{_ASKED[phase].format(noun.capitalize())} [mm]{asker.hint}"
         else:
             above, now = _lines(one, noun)
@@ -231,7 +231,7 @@ class AdjustingDialogue(Dialogue):
             if step.cell.words:
                 rule, text = f"-- {plan.name} ".ljust(asker.keyboard.columns - 2, "-"), PROBED
             else:
-                rule, text = wording.set_up(self.setting, step.setup, begun, asker.keyboard.columns)
+                rule, text = set_up(self.setting, step.setup, begun, asker.keyboard.columns)
                 text = BEGUN if begun else text
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
@@ -243,7 +243,7 @@ class AdjustingDialogue(Dialogue):
         if phase is Phase.HERE:
             asker.say("Switch the drives on; home, if the controller asks for it.", Style.TITLE)
         if not (drives_off and begun) or (new and plan.homed):
-            asker.say(wording.place(step, self.setting))
+            asker.say(place_words(step, self.setting))
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:
             while not self._agrees(asked):
@@ -268,7 +268,7 @@ class AdjustingDialogue(Dialogue):
         self.write(taken.changed(step=step.number + later))
         self.asker.rest(driving=False)
         if phase in _ASKED:
-            self.asker.say(f"   saved {wording.value_text(taken.value_mm, self.unit)}", Style.GOOD)
+            self.asker.say(f"   saved {value_text(taken.value_mm, self.unit)}", Style.GOOD)
 
     def _obey(self, key: str, words: str, step: SessionStep) -> None:
         """Do what a key says; nothing is read again but what was undone."""

@@ -2,7 +2,8 @@
 
 import re
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -12,27 +13,54 @@ from orthoglide_cal.errors import InputError, command, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.files.text import write_text
-from orthoglide_cal.model.readings import AXES
+from orthoglide_cal.model.readings import AXES, Contact, other_axes
 from orthoglide_cal.planning.steps import (
     GIVES_UP,
     MeasuringProtocol,
     SessionStep,
     clock,
     gauge_moves,
+    posture_name,
     step_name,
     with_set_ups,
 )
-from orthoglide_cal.session import events, wording
+from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Journal, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
-from orthoglide_cal.words import Unit, counted, decimals_for, signed
+from orthoglide_cal.words import Unit, counted, decimals_for, signed, value_text
 
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
 WAIT_S = 0.3  # how often a machine that is followed is looked at
+
+HELP = """\
+Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
+  u            undo the last reading
+  r 14 why     retake step 14 (r x: all of leg X); the old reading is kept
+  n text       note, kept with this step
+  s why        skip this step (s all: skip all that is left, and finish)
+  t            the last 20 readings
+  q            save and quit; continue later with --resume
+  ?            this help
+A reading that looks wrong is questioned once:
+  k            keep it anyway
+  m            the stand did move: keep it, with a new zero from here on
+  or give the reading again.
+The words undo, retake, note, skip, quit and help do the same.
+Every accepted reading is on the disk before the next prompt."""
+
+STREAM = """\
+Many readings at once: a gauge that sends by itself, or pasted lines. None of
+it is recorded. Switch off the gauge's continuous output (also: AUTO, STREAM,
+INTERVAL), so that it sends when its button is pressed; type one at a time."""
+
+OUT_OF_RANGE = """\
+Not kept: the gauge cannot show this. Read it again, or skip it: s and why.
+Set a gauge that has a preset to zero. If its stated range is wrong: q, then
+correct range_mm in the machine file and begin anew."""
 
 # Keys as words, too.
 _KEYS = {
@@ -90,7 +118,7 @@ class Dialogue:
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
         following = self.setting.following
-        long = wording.duration(following.minutes if following else clock(steps)[-1]).lower()
+        long = duration(following.minutes if following else clock(steps)[-1]).lower()
         counts = f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help."
         self.asker.say(f"{head}\nFile     {visible(str(self.path))}\n{counts}")
         if lost := self.journal.lost:
@@ -192,17 +220,17 @@ class Dialogue:
         """
         asker, setting = self.asker, self.setting
         new = step.visit != self._shown
-        place = wording.place(step, setting)
+        place = place_words(step, setting)
         if new:
             gap = "\n"
             if step.setup != self._shown[0]:  # a visit's first entry
                 begun = step.setup in {s.setup for s in self.so_far.steps}
-                rule, text = wording.set_up(setting, step.setup, begun, asker.keyboard.columns)
+                rule, text = set_up(setting, step.setup, begun, asker.keyboard.columns)
                 asker.say(f"\n{rule}", Style.TITLE)
                 asker.say(text)
                 gap = ""
             left = clock(self.so_far.left)[-1]
-            asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
+            asker.say(f"{gap}{step_line(step, setting, left)}", Style.TITLE)
         if asker.pushed:  # also by the line of a new step
             asker.say(place)
         if new:
@@ -220,9 +248,8 @@ class Dialogue:
         """Place of the machine, if it is followed; says once that it is not any more."""
         if self.standing is None:
             return Stood()
-        point = wording.point(step, self.setting)
         try:
-            return self.standing.at(*point, self.setting.machine.home_mm)
+            return self.standing.at(*self.setting.point(step), self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
             self.standing.close()
             self.standing = None
@@ -248,7 +275,7 @@ class Dialogue:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
         may_move = pending.doubt.compares and not pending.about
-        value = wording.value_text(pending.value_mm, self.unit)
+        value = value_text(pending.value_mm, self.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
         here = step.cell, step.zero
         alike = [s.number for s in self.so_far.steps if (s.cell, s.zero) == here]
@@ -265,7 +292,7 @@ class Dialogue:
         word = word.lower()
         if word in ("k", "y", "keep", "yes"):
             if not keep:
-                self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
+                self.asker.say(OUT_OF_RANGE, Style.BAD)
                 return
             if pending.doubt is Doubt.PLACE:
                 why = _clean(why) or self._words("Why is it kept? (Return: it is not) > ")
@@ -327,7 +354,7 @@ class Dialogue:
 
     def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the readings that its messages became."""
-        self.asker.say(wording.STREAM, Style.BAD)
+        self.asker.say(STREAM, Style.BAD)
         taken = 0
         while taken < stream.readings and (self.state.pending or self.state.before):
             self._undo()
@@ -366,7 +393,7 @@ class Dialogue:
         # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
         again = doubt is not Doubt.PLACE and any(isinstance(old, Questioned) for old in near)
         if again and doubt is Doubt.RANGE:
-            self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
+            self.asker.say(OUT_OF_RANGE, Style.BAD)
         elif again:
             self.asker.say("The same reading again: kept, with a note.")
             self._keep(asked)
@@ -399,9 +426,9 @@ class Dialogue:
         stays = any(other.visit == step.visit for other in so_far.left[:1])
         self.asker.rest(driving=not stays)
         for i in so_far.repeats[-1:]:
-            before = wording.value_text(float(so_far.value[i]), self.unit)
+            before = value_text(float(so_far.value[i]), self.unit)
             last = f"   (cycle {so_far.steps[i].cycle}: {before})"
-        saved = f"   saved {wording.value_text(value, self.unit)}{last}"
+        saved = f"   saved {value_text(value, self.unit)}{last}"
         self.asker.say(saved, Style.GOOD, pushes=not stays)
         if not stays:
             self._say_offsets()
@@ -434,7 +461,7 @@ class Dialogue:
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
         self.asker.say(
             f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {len(dropped)}"
-            f" readings, {wording.duration(clock(dropped)[-1]).lower()}.",
+            f" readings, {duration(clock(dropped)[-1]).lower()}.",
             Style.GOOD,
         )
         if self.so_far.left:
@@ -488,13 +515,13 @@ class Dialogue:
                     take = item.take
                     name = step_name(self.setting.steps[number - 1])
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""
-                    value = wording.value_text(take.value_mm, self.unit)
+                    value = value_text(take.value_mm, self.unit)
                     lines.append(f"  {number:>3}  {name}  {value}{kept}")
                 self.asker.say("\n".join(lines))
             case "q":
                 raise Quit
             case _:
-                self.asker.say(wording.HELP)
+                self.asker.say(HELP)
 
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
@@ -544,3 +571,110 @@ def _are(readings: int) -> str:
 def _clean(text: str) -> str:
     """Words as they may be stored and shown."""
     return visible(text)[:200].strip()
+
+
+# ---- the words that lead through it, in plain characters
+
+
+def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str, str]:
+    """Heading of a gauge set-up, and its instructions.
+
+    Once it is `begun`, readings were taken in it: the stands must stay where they are.
+    """
+    here = [step for step in setting.steps if step.setup == setup]
+    planned, following = here[0].cell, setting.following
+    leg, contact = AXES[planned.leg].upper(), planned.contact
+    directions = sorted({step.direction for step in here})
+    names = [AXES[direction].upper() for direction in directions]
+    s = "s" if len(directions) > 1 else ""
+    last = max(step.setup for step in setting.steps)
+    heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
+    right = f" steps {here[0].number}-{here[-1].number}"
+    rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
+    if contact is not Contact.FIXED:
+        words = [
+            "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
+            f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
+            "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
+        ]
+    elif following and following.continues and not begun and setup == 1:
+        path = visible(following.data.path)
+        words = [
+            "Do not touch the stands: they must be where they were for the last reading",
+            f"of {path}. If one was touched since: q, and measure anew.",
+        ]
+    elif begun:
+        words = [
+            "The stands are in place: do not touch them. If one was moved anyway,",
+            "just continue: the next reading will be questioned; then answer m.",
+        ]
+    else:
+        words = []
+        rows = setting.first.rows if setting.first else []
+        bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
+        if planned.turned:
+            sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
+            words = [
+                f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
+                f"   turn it half round its own axis (what faced {sides} then faces away),"
+                " tighten.",
+            ]
+        elif bars and bars[-1]:
+            words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
+        half = "half-way: " if planned.gauge_at == 0.5 else ""
+        place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
+        moved = [step.cell.displacement for step in here]
+        # A gauge on the + side reads more when the leg is pushed towards +.
+        places = ", ".join(f"{name} on the +{name} side" for name in names)
+        words += [
+            "1. Drive to the isotropic posture: each leg lies along its own axis.",
+            f"   Put the stand{s} on the base, not on a moving part.",
+            f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
+            f"3. Gauge {places}: leg pushed to + must read more.",
+            f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
+            " Then touch no stand.",
+        ]
+    return rule, "\n".join(words)
+
+
+def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
+    """Place of step n of N; `minutes` are those left."""
+    # The isotropic posture once more than the others closes a set-up.
+    repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
+    here = repeats[step.cell]
+    moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
+    closes = step.cell.displacement == 0.0 and here == max(moved, default=here) + 1
+    when = f"cycle {step.cycle} of {here - closes}"
+    if closes and step.cycle == here:
+        when = "closing"
+    short = "".join(
+        f", carriage {axis.upper()} {abs(mm):g} mm {'short' if mm > 0.0 else 'too far'}"
+        for axis, mm in zip(AXES, setting.short_mm(step).tolist(), strict=True)
+        if mm
+    )
+    return (
+        f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
+        f" {posture_name(step)}{short}, {when}. {duration(minutes)} left."
+    )
+
+
+def place_words(step: SessionStep, setting: Setting) -> str:
+    """Point to drive to, in words: its joints, and its tool; either is the same posture."""
+    if step.cell.words:
+        return step.cell.words
+    joints, tool = setting.point(step)
+    return (
+        f"Drive to  joints   {by_axis(joints, '.3f', '   ')}  mm\n"
+        f"          tool     {by_axis(tool.round(6) + 0.0, '.3f', '   ')}  mm"
+    )
+
+
+def by_axis(values: Iterable[float], form: str, gap: str = "  ") -> str:
+    """ "X 1.5  Y 0  Z -2": one number for each axis, never parted from it."""
+    parts = (f"{axis.upper()} {value:{form}}" for axis, value in zip(AXES, values, strict=True))
+    return gap.join(parts)
+
+
+def duration(minutes: float) -> str:
+    """About so long, whole minutes."""
+    return f"About {minutes:.0f} min" if minutes >= 0.95 else "Under a minute"

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orthoglide_cal import words
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
@@ -36,9 +37,9 @@ from orthoglide_cal.planning.steps import (
     steps_of,
 )
 from orthoglide_cal.schema import Reason, parse_number
-from orthoglide_cal.session import events, wording
+from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
-from orthoglide_cal.session.dialogue import Dialogue
+from orthoglide_cal.session.dialogue import Dialogue, by_axis
 from orthoglide_cal.session.events import Journal, create, decode
 from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge
 from orthoglide_cal.session.readings import PriorReadings, Setting
@@ -103,7 +104,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     if request.resume:
         _refuse_changes(state.opened, setting.held, request)
         asker.gauge = asker.gauge or serial_gauge(source, opened)
-        asker.say(wording.machine(setting.held, state.opened.seed is not None))
+        asker.say(_machine_words(setting.held, state.opened.seed is not None))
         if setting.following:
             asker.say(setting.following.words, Style.TITLE)
     if source == (SIMULATED,):
@@ -167,7 +168,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
             offsets = model.machine.active
             plan, following, change = planned_next(first, options, request, offsets)
         careful = require_on_bar(plan, model.machine)
-        asker.say(wording.machine(model, seed is not None))
+        asker.say(_machine_words(model, seed is not None))
         doubts = map(request.says, model.machine.instrument.implausible().values())
         for doubt in filter(None, (careful and str(careful), *doubts, change)):
             asker.say(doubt, Style.BAD)
@@ -224,6 +225,21 @@ def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
                     asker.say(str(error), Style.BAD)
 
 
+def _machine_words(model: Model, simulated: bool) -> str:
+    """The machine and its numbers, as they are confirmed before the first move."""
+    machine, gauge = model.machine, model.machine.instrument
+    known = ", ".join(effect.cause.id for effect in model.accepted)
+    return "\n".join([
+        *([words.SIMULATED] if simulated else []),
+        f"Machine  {visible(machine.name)}",
+        f"         {machine.geometry_words}",
+        *([f"         known causes: {known}"] if known else []),
+        f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.most_mm:g} mm travel,"
+        f" repeats within {gauge.repeatability_mm:g} mm",
+        f"Offsets  {by_axis(machine.active, '+.4g')} mm are in the controller now",
+    ])  # fmt: skip
+
+
 def planned_next(
     first: PriorReadings,
     options: tuple[NextMeasurement, ...],
@@ -261,7 +277,7 @@ def planned_next(
         return plan, following, ""
     changed = (
         f"Since {visible(first.path)} was measured, the offsets in the controller were changed"
-        f" by {wording.by_axis(change, '+.4g')} mm: the new readings are written with that"
+        f" by {by_axis(change, '+.4g')} mm: the new readings are written with that"
         " difference."
     )
     return plan, following, changed

@@ -17,8 +17,7 @@ import pytest
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.session.gauges import SimulatedGauge
-from orthoglide_cal.session.wording import value_text
-from orthoglide_cal.words import Unit
+from orthoglide_cal.words import Unit, value_text
 
 from .going_on import content
 from .terminal import (
