@@ -74,7 +74,7 @@ for name in ("scaled", "settled"):
     setattr(DIAGNOSE.Diagnosis, name, functools.lru_cache(KEPT)(getattr(DIAGNOSE.Diagnosis, name)))
 NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
 ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
-replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")
+replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.dialogue")
 # Of the layouts of a printer there are some dozens.
 apart = once(PLAN.separations, 200)
 replace("separations", apart, "planning.plan")

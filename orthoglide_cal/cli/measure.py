@@ -83,8 +83,8 @@ def measure(
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
+    from orthoglide_cal.session.dialogue import Request, open_session, set_aside
     from orthoglide_cal.session.events import GaugeLabel
-    from orthoglide_cal.session.opening import Request, open_session, set_aside
 
     if discard:
         agrees = common.agreement(yes, "--discard asks before it gives a session up.")

@@ -28,10 +28,18 @@ from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
-from orthoglide_cal.session.dialogue import Dialogue, place_words, set_up
+from orthoglide_cal.session.dialogue import (
+    VIRTUAL,
+    TYPED,
+    Dialogue,
+    place_words,
+    serial_gauge,
+    set_up,
+    setting_in,
+    time_of_day,
+)
 from orthoglide_cal.session.events import Journal, State, create, decode
 from orthoglide_cal.session.gauges import Token
-from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
 from orthoglide_cal.words import decimals_for, signed, value_text, with_uncertainty
 
 HELP = """\
@@ -268,7 +276,7 @@ class AdjustingDialogue(Dialogue):
         self.write(taken.changed(step=step.number + later))
         self.asker.rest(driving=False)
         if phase in _ASKED:
-            self.asker.say(f"   saved {value_text(taken.value_mm, self.unit)}", Style.GOOD)
+            self.asker.say(f"   saved {value_text(taken.value_mm, self.request.unit)}", Style.GOOD)
 
     def _obey(self, key: str, words: str, step: SessionStep) -> None:
         """Do what a key says; nothing is read again but what was undone."""
@@ -306,7 +314,7 @@ def open_adjustments(
     What is `opened` is closed with them. Raises UsageError: they are begun already, or not yet;
     InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
     """
-    if SIMULATED in source:
+    if VIRTUAL in source:
         problem = "A simulated gauge does not see what you push."
         raise UsageError(problem, "Leave out --gauge to type the readings, or name a real one.")
     session = Path(given.measured.source.path)
@@ -318,22 +326,21 @@ def open_adjustments(
         )
     asker.gauge = serial_gauge(source, opened)  # a missing one leaves no file behind
     following = events.Following(data=read_document(str(session)), what=cause)
-    cells, at, machine = _cells(adjustments), clock(), machine_text(given.model)
+    cells, at, machine = _cells(adjustments), time_of_day(), machine_text(given.model)
     begun = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     planned = events.Planned(at=at, readings=cells, following=following)
     if not resume:
         create(target, begun, planned)
     journal = Journal.resume(target, opened)
-    state = events.replay(journal.events)
-    _check_same(state, following, adjustments, target)
-    asker.gauge = asker.gauge or serial_gauge(state.source, opened)
+    _check_same(journal.state, following, adjustments, target)
+    asker.gauge = asker.gauge or serial_gauge(journal.state.source, opened)
     places = enumerate(product(range(1, len(adjustments) + 1), PHASES))
     steps = tuple(
         SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
         for number, (setup, phase) in places
     )
-    setting = setting_in(journal, state, steps)
-    return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
+    setting = setting_in(journal, steps)
+    return AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
@@ -355,7 +362,7 @@ def _check_same(
 def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
     """The journals of what was adjusted by these data, as far as they come."""
     for path in adjustments_by(source.path):
-        state = events.replay(decode(path.read_bytes(), path).events)
+        state = decode(path.read_bytes(), path).state
         following = state.planned and state.planned.following
         if following and following.data.sha256 == source.sha256:
             yield path, state, following

@@ -16,7 +16,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import StrEnum
-from functools import reduce
+from functools import cached_property, reduce
 from io import BytesIO, FileIO
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -380,6 +380,11 @@ class Journal:
     _end: bytes  # that the last record lacks
     _descriptor: int = -1
 
+    @cached_property
+    def state(self) -> State:
+        """The state after all records, also those that are appended."""
+        return replay(self.events)
+
     @classmethod
     def resume(cls, path: Path, opened: ExitStack) -> "Journal":
         """The journal in `path`, to be continued; its lock ends with what is `opened`.
@@ -408,7 +413,7 @@ class Journal:
         return replace(decode(file.read(), path), _descriptor=file.fileno())
 
     def append(self, event: Event) -> None:
-        """Put a record on the disk; returns when it is safe.
+        """Put a record on the disk; once it is safe, let it count.
 
         Raises InputError if the disk is full or the file is gone; nothing of the record remains.
         """
@@ -441,6 +446,7 @@ class Journal:
             ) from error
         self._size = self._file_size = self._size + len(line)
         self._checksum, self._end = checksum, b""
+        self.state = advance(self.state, event)
 
 
 def decode(data: bytes, path: str | Path) -> Journal:
