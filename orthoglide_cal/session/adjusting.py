@@ -29,8 +29,8 @@ from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import (
-    VIRTUAL,
     TYPED,
+    VIRTUAL,
     Dialogue,
     place_words,
     serial_gauge,

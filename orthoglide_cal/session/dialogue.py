@@ -855,8 +855,8 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
         session = session.changed(cycles=min(most, MOST_CYCLES))
     version = 2 if first or session.protocol is MeasuringProtocol.BEST else 1
     opened = events.Opened(
-        **dict(session), at=time_of_day(), version=version, machine=machine_file.machine_text(model),
-        source=source, seed=seed, operator=request.operator,
+        **dict(session), at=time_of_day(), version=version, source=source, seed=seed,
+        machine=machine_file.machine_text(model), operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
     readings = tuple(step.cell for step in steps)
