@@ -27,7 +27,6 @@ from orthoglide_cal.errors import (
 )
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.readings import implausible_temperatures, session_text
 from orthoglide_cal.files.text import free_path, read_document, write_text
 from orthoglide_cal.inference import NextMeasurement, diagnose
@@ -65,7 +64,15 @@ from orthoglide_cal.session.events import (
     decode,
     replay,
 )
-from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge, Token, parse_typed
+from orthoglide_cal.session.gauges import (
+    NEAR_MM,
+    SerialGauge,
+    SimulatedGauge,
+    Standing,
+    Stood,
+    Token,
+    parse_typed,
+)
 from orthoglide_cal.session.readings import PriorReadings, ReadingsSoFar, Setting, count_words
 from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed, value_text
 
