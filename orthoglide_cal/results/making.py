@@ -113,7 +113,7 @@ def answer_to(
     following = None
     if diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
-        from orthoglide_cal.planning import best_next
+        from orthoglide_cal.planning.plan import best_next
 
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following, corrects)
