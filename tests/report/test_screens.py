@@ -19,7 +19,8 @@ from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import RETAKE, Remedy, answer_to
+from orthoglide_cal.results.answer import RETAKE, Remedy
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.cli.program import done
 from tests.inference.sessions import given
