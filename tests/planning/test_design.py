@@ -78,14 +78,14 @@ def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
 def test_what_it_gives_up_is_what_is_said(model: Model) -> None:
     """`GIVES_UP`, part by part, for the same U."""
     plan = measurement_plan(chosen_session(model))
-    usual, best = (separations(model, each.plan) for each in (plan.chosen, plan.design))
-    left = {id: best[1][id] / usual[1][id] for id in ("encoder_scale", "backlash",
+    before, usual = separations(model, plan.chosen.plan)
+    after, best = separations(model, plan.design.plan)
+    left = {id: best[id] / usual[id] for id in ("encoder_scale", "backlash",
             "gauge_drift", "stand_shift", "thermal_drift")}  # fmt: skip
     assert max(left[id] for id in ("encoder_scale", "backlash", "gauge_drift")) < 0.6
     assert 0.8 < left["stand_shift"] < 0.95
     # A machine that warms shows more, not less: it is not said, and not listed.
     assert left["thermal_drift"] > 1.0
-    before, after = usual[0], best[0]
     for pair in combinations(("axis_gap", "axis_squareness", "bar_skew"), 2):
         assert after[pair] < 0.1 < 5.0 < before[pair]
 
@@ -190,5 +190,4 @@ def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -
 def test_every_two_causes_are_one_pair_and_the_nearest_comes_first() -> None:
     pairs, trace = separations(NOMINAL, forecast(NOMINAL).plan)
     assert {*pairs} == {*combinations(trace, 2)}
-    sigmas = [*pairs.values()]
-    assert sigmas == sorted(sigmas)
+    assert [*pairs.values()] == sorted(pairs.values())
