@@ -28,7 +28,6 @@ from scipy.special import ndtr
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, pose_plan
-from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
 from orthoglide_cal.estimation.budget import (
     Budget,
     BudgetTotal,
@@ -38,8 +37,15 @@ from orthoglide_cal.estimation.budget import (
     fixed_influences,
     influences,
 )
-from orthoglide_cal.estimation.gaussian import Mixture, condition, unexplained, whiten_shared
+from orthoglide_cal.estimation.gaussian import (
+    Mixture,
+    Scatter,
+    condition,
+    unexplained,
+    whiten_shared,
+)
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
+from orthoglide_cal.estimation.solution import require_rank
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
 from orthoglide_cal.inference.data import Candidates, Ids, Placed, Whitened
 from orthoglide_cal.inference.decision import keep_ratio
@@ -149,7 +155,7 @@ class SessionForecast(Schema):
             "unit": machine.parameter_units,
             "noise_std": np.sqrt(np.sum(np.square(scatter), axis=0)).tolist(),
             "expanded": self.budget.expanded_mm.tolist(),
-            "determined": determined(self.model, self.budget.expanded_mm),
+            "determined": machine.determined(self.budget.expanded_mm),
             "lessened": lessened.expanded_mm.tolist(),
         }
         named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)
