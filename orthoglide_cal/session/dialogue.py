@@ -567,7 +567,12 @@ class Dialogue:
                 asked = "Retake which step (number, or x, y, z for a leg)? > "
                 self._retake(words or self._words(asked), step)
             case "n":
-                if text := words or self._words("Note > "):
+                text = words or self._words("Note > ")
+                # A script means what it says.
+                doubtful = self.asker.keyboard.live and _is_reading(text)
+                if doubtful and not self._agrees(f"{text} is a number. Keep it as a note? y/n > "):
+                    text = ""
+                if text:
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
             case "s" if words.lower().split()[:1] == ["all"]:
@@ -582,14 +587,11 @@ class Dialogue:
                     self._skip(skipped, reason or "the session was ended")
             case "s":
                 why = words or self._words("Why is it skipped? > ")
-                with suppress(InputError):
-                    parse_typed(why)
-                    why = ""  # a reading is no reason
-                if why:
+                if why and not _is_reading(why):
                     self._skip(step, why)
-                self.asker.say(
-                    f"Skipped: {why}" if why else "Not skipped: a reason in words is needed."
-                )
+                    self.asker.say(f"Skipped: {why}")
+                else:
+                    self.asker.say("Not skipped: a reason in words is needed.")
             case "t":
                 last = list(self.state.accepted.items())[-20:]
                 lines = [f"The last {counted(len(last), 'reading')}:"]
@@ -643,6 +645,13 @@ class Dialogue:
 
     def _skip(self, step: SessionStep, why: str) -> None:
         self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+
+
+def _is_reading(words: str) -> bool:
+    """True if words are nothing but a number, with or without a unit."""
+    with suppress(InputError):
+        return parse_typed(words).value is not None
+    return False
 
 
 def _are(readings: int) -> str:

@@ -181,6 +181,18 @@ def test_a_reader_that_goes_away(tmp_path: Path) -> None:
     assert "Resumed: 1 reading " in run_program(tmp_path, "s.yaml", "--resume").stdout
 
 
+def test_a_number_typed_as_a_note_is_asked_about(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        for answer in "ny":
+            assert terminal.step() == 1
+            terminal.type("n")
+            for prompt, line in (("Note > ", "-0.64"), (r"as a note\? y/n > ", answer)):
+                terminal.expect(prompt)
+                terminal.type(line)
+        terminal.expect("Noted at step 1")
+    assert (tmp_path / "s.journal").read_text().count('"noted"') == 1
+
+
 def test_return_asks_a_gauge_and_an_error_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
         assert terminal.step() == 1
