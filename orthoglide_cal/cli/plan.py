@@ -99,15 +99,12 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
     """
     from importlib.resources import files
 
-    from orthoglide_cal.files.gcode_template import gcode_template
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.planning.program import program_csv, program_gcode
 
     if target.suffix.lower() in _GCODE:
         path = template or files("orthoglide_cal.files") / "templates" / "gcode.nc"
-        numbers = [block.first.block for block in program.blocks]
-        lines = gcode_template(read_document(str(path)), numbers)
-        text = program_gcode(program, lines)
+        text = program_gcode(program, read_document(str(path)))
     elif template is None:
         text = program_csv(program)
     else:

@@ -22,7 +22,6 @@ from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, pose_plan
-from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
 from orthoglide_cal.estimation.budget import (
     Budget,
     BudgetTotal,
@@ -32,6 +31,8 @@ from orthoglide_cal.estimation.budget import (
     fixed_influences,
     influences,
 )
+from orthoglide_cal.estimation.gaussian import Scatter
+from orthoglide_cal.estimation.solution import require_rank
 from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.machine import Influence, Origin, Suspicion
 from orthoglide_cal.model.model import Model
@@ -123,7 +124,7 @@ class SessionForecast(Schema):
             "unit": machine.parameter_units,
             "noise_std": np.sqrt(np.sum(np.square(scatter), axis=0)).tolist(),
             "expanded": self.budget.expanded_mm.tolist(),
-            "determined": determined(self.model, self.budget.expanded_mm),
+            "determined": machine.determined(self.budget.expanded_mm),
             "lessened": lessened.expanded_mm.tolist(),
         }
         named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)

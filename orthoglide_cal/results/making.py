@@ -32,8 +32,8 @@ from orthoglide_cal.estimation import (
     promise,
     solve,
 )
-from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
+from orthoglide_cal.estimation.gaussian import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.estimation.solution import SUSPICIOUS, require_settings
 from orthoglide_cal.files.input import Input

@@ -27,10 +27,8 @@ from pydantic import Field, InstanceOf
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
-from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
-from orthoglide_cal.estimation.gaussian import whiten
-from orthoglide_cal.estimation.methods import table_kind
-from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.estimation.gaussian import chance_of_residual, half_width, rms, whiten
+from orthoglide_cal.estimation.solution import SUSPICIOUS, table_kind
 from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose

@@ -9,7 +9,6 @@ from datetime import datetime
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, command, system_words, visible
-from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.model.readings import AXES
@@ -26,7 +25,14 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
+from orthoglide_cal.session.gauges import (
+    NEAR_MM,
+    SimulatedGauge,
+    Standing,
+    Stood,
+    Token,
+    parse_typed,
+)
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
 from orthoglide_cal.words import Unit, counted, decimals_for, signed

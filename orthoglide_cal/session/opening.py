@@ -18,7 +18,6 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.linuxcnc import Standing
 from orthoglide_cal.files.readings import implausible_temperatures
 from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import NextMeasurement, diagnose
@@ -39,7 +38,7 @@ from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge
+from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge, Standing
 from orthoglide_cal.session.journal import Journal, create, decode
 from orthoglide_cal.session.readings import PriorReadings, Setting
 from orthoglide_cal.words import Unit, counted

@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import OffsetEstimate, promise, solve
-from orthoglide_cal.estimation.accuracy import Scatter
+from orthoglide_cal.estimation.gaussian import Scatter
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import Source
