@@ -42,8 +42,7 @@ def plan(
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.files.probe_readings import places_csv
     from orthoglide_cal.inference import diagnose
-    from orthoglide_cal.planning import rank_measurements
-    from orthoglide_cal.planning.plan import chosen_session, measurement_plan
+    from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
     from orthoglide_cal.planning.program import posture_program
     from orthoglide_cal.planning.steps import GuidedSession, require_on_bar
     from orthoglide_cal.report.documents.plan import plan_document
@@ -99,15 +98,12 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
     """
     from importlib.resources import files
 
-    from orthoglide_cal.files.gcode_template import gcode_template
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.planning.program import program_csv, program_gcode
 
     if target.suffix.lower() in _GCODE:
         path = template or files("orthoglide_cal.files") / "templates" / "gcode.nc"
-        numbers = [block.first.block for block in program.blocks]
-        lines = gcode_template(read_document(str(path)), numbers)
-        text = program_gcode(program, lines)
+        text = program_gcode(program, read_document(str(path)))
     elif template is None:
         text = program_csv(program)
     else:

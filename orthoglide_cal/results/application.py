@@ -18,9 +18,9 @@ from orthoglide_cal.errors import (
     UsageError,
     command,
 )
-from orthoglide_cal.files import linuxcnc
 from orthoglide_cal.files.controller_file import (
     ControllerFile,
+    LinuxCnc,
     controller_file,
     holds,
     replace_file,
@@ -78,8 +78,8 @@ class Application:
 
     @cached_property
     def running(self) -> str | None:
-        """What `linuxcnc.running` says of the controller's file; None without one."""
-        return linuxcnc.running(self.controller) if self.controller else None
+        """What its controller's file says of a running LinuxCNC; None without one."""
+        return self.controller.running() if self.controller else None
 
     @property
     def live(self) -> bool:
@@ -100,7 +100,7 @@ class Application:
     def set_live(self) -> None:
         """Set what was written in the running LinuxCNC. Raises InputError: it does not take it."""
         written = controller_file(self.controller.target) if self.controller else None
-        if written is None or not linuxcnc.is_live(written, anew=True):
+        if not isinstance(written, LinuxCnc) or not written.is_live(anew=True):
             problem = "The running LinuxCNC does not take the offsets; its INI holds them."
             raise InputError(problem, "Restart LinuxCNC, then home.")
 

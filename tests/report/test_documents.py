@@ -15,7 +15,7 @@ from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import solution_document
 from orthoglide_cal.report.documents.reports import calibration_document, verification_document
 from orthoglide_cal.report.sentences import _SENTENCES
-from orthoglide_cal.results import identify
+from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
 from tests.machines import ROOT

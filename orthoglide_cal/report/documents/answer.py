@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
-from orthoglide_cal.inference import Verdict, nothing_wrong
+from orthoglide_cal.inference import Parameter, Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
@@ -30,9 +30,16 @@ from orthoglide_cal.report.case import (
     sizes_words,
 )
 from orthoglide_cal.report.figures import brief_residuals, differences_figure, residual_blocks
-from orthoglide_cal.report.sentences import METHODS, SOURCES, label_words, pattern_name
+from orthoglide_cal.report.sentences import (
+    METHODS,
+    SOURCES,
+    cause_words,
+    label_words,
+    pattern_name,
+)
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
+from orthoglide_cal.results.answer import RETAKE, Answer
+from orthoglide_cal.results.application import recording
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     chance,
@@ -543,9 +550,10 @@ def budget_sections(
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
     """A source in words, and what would reduce it; `possible` if it may be there or not."""
-    causes = [CAUSES[id].words(machine) for id in source.split(" and ") if id in CAUSES]
+    ids = [id for id in source.split(" and ") if id in CAUSES]
+    causes = [cause_words(id, machine, "this place") for id in ids]
     data = {"words": machine.vocabulary, "causes": causes}
-    data["title"] = " and ".join(cause.title for cause in causes)
+    data["title"] = " and ".join(cause["title"] for cause in causes)
     kind = source if not causes else "possible_cause" if possible else "cause"
     name, remedy = (text.format(**data) for text in SOURCES[kind].values())
     return name, remedy
@@ -672,7 +680,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         faults = []
     for fault, at in zip(faults, places, strict=False):
         title = f"{case.title_of(fault.id)}{at}"
-        yield f"These readings cannot show whether {title}. How to check: {fault.check}."
+        yield f"These readings cannot show whether {title}. How to check: {case.says(fault.check)}."
     large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
     would = "would explain these readings with"
     large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
