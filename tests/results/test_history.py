@@ -158,11 +158,8 @@ def test_a_name_that_the_next_session_refutes_is_withdrawn():
     shown = str(history_document(found).screen().notice)
     assert "1.csv: axis_" in shown
     assert "later readings refute it" in shown
-    pushed = {
-        before.measured.source.sha256: [
-            ("axis_gap", Estimate(name="xy", unit="mm", value=0.3, std=0.01))
-        ]
-    }
+    size = Estimate(name="xy", unit="mm", value=0.3, std=0.01)
+    pushed = {before.measured.source.sha256: [("axis_gap", size)]}
     again = of((gap,), Setting.exact(), rng, "again.csv")
     for known in (compare([before, after], adjusted=pushed), compare([before, again])):
         assert known.sessions[0].refuted is None
