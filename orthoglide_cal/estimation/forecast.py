@@ -19,9 +19,8 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import plausible_causes
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.model.cause import PER_HOUR
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import PER_HOUR, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import GaugePlan

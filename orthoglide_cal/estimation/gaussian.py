@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.special import chdtrc, erfc, stdtrit
 
-from orthoglide_cal.model.cause import CONFIDENCE
+from orthoglide_cal.model.model import CONFIDENCE
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 
 Key = TypeVar("Key", bound=Hashable)

@@ -47,7 +47,6 @@ from orthoglide_cal.estimation.gaussian import (
     whiten_shared,
 )
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
-from orthoglide_cal.model.cause import NORMAL_K, Effect
 from orthoglide_cal.model.contrasts import Contrasts, Reduction, without_zeros, zero_free
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import (
@@ -59,7 +58,7 @@ from orthoglide_cal.model.measured import (
     Readings,
     notes_on,
 )
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture

@@ -35,11 +35,18 @@ from orthoglide_cal.estimation.solution import (
     require_rank,
 )
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
-from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
 from orthoglide_cal.model.contrasts import Contrasts, Reduction
 from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate_absent
+from orthoglide_cal.model.model import (
+    PER_HOUR,
+    Cause,
+    Effect,
+    Model,
+    Place,
+    Stage,
+    differentiate_absent,
+)
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly, read_only
 

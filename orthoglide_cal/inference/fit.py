@@ -32,10 +32,9 @@ from orthoglide_cal.inference.hypothesis import (
     others_wrong,
     pattern_densities,
 )
-from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.contrasts import Contrasts
 from orthoglide_cal.model.machine import Influence, Origin
-from orthoglide_cal.model.model import differentiate, simulate
+from orthoglide_cal.model.model import Effect, differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.

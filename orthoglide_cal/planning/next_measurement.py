@@ -36,10 +36,9 @@ from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import expect, predict
-from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import NORMAL_K, Model
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,

@@ -18,9 +18,8 @@ from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_sh
 from orthoglide_cal.inference.data import Candidates, Placed, Whitened
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.hypothesis import pattern_density
-from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, differentiate_absent
+from orthoglide_cal.model.model import Cause, Model, Place, Stage, differentiate_absent
 from orthoglide_cal.model.plan import Floats, Plan
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
