@@ -55,8 +55,8 @@ def shrinking(columns: Floats) -> tuple[Floats, Floats]:
 
 
 def shrink(values: Floats, axes: Floats, factors: Floats) -> Floats:
-    """(I − U diag(1 − f) Uᵀ) v of values (k,) or (k, m), with U and f as of `shrinking`."""
-    return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+    """(I − U diag(1 − f) Uᵀ) v of values (k,) or (..., k, m), with U and f as of `shrinking`."""
+    return np.asarray(values - (axes * (1.0 - factors)) @ (axes.T @ values))
 
 
 def whiten_shared(columns: Floats, *values: Floats) -> tuple[Floats, ...]:

@@ -9,10 +9,10 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference.response import Behaviour
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Estimate, Model, simulate
