@@ -165,7 +165,7 @@ class FoundCause(Schema):
     times_stated: float | None = Field(
         description="its largest value by its plausible size, where that is beyond three"
     )
-    remedy: str
+    remedy: Sentence
     recommended: bool = Field(description="to be accepted as part of the machine")
     in_machine: bool = Field(description="false: it lies in the measurement")
 
@@ -210,7 +210,7 @@ class UnshownFault(Schema):
 
     id: str
     where: str = Field(description="empty: the whole table")
-    check: str = Field(description="what would show it")
+    check: Sentence = Field(description="what would show it")
     change: float = Field(description="largest change of a parameter if it is there")
     unit: str = Field(description="of that parameter")
     matters: bool = Field(description="a parameter changes by more than U: nothing is released")

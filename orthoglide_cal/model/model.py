@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, partial
@@ -83,16 +82,10 @@ class Screw(NamedTuple):
 PER_HOUR = "mm/h"  # unit of rates
 
 
-def worded(kind: type[Machine], **texts: str) -> Mapping[type[Machine], Mapping[str, str]]:
-    """`Cause.elsewhere` of one kind of machine."""
-    return MappingProxyType({kind: texts})
-
-
 class Cause:
     """Base of all causes; overrides exactly one of geometry, motion, contact and record."""
 
-    id: str  # cause id of the contract
-    title: str
+    id: str  # cause id of the contract; its words stand in its page of the guide
     stage: Stage  # that whose method it overrides
     unit: str  # of its parameters and of its size in the machine file
     # Kind of machine → plausible size of a parameter (one standard deviation, in `unit`) where the
@@ -119,29 +112,13 @@ class Cause:
     settles: bool = False  # readings before a carriage's first motion differ from all later ones
     weight: float = 1.0  # how likely it is before anything is read
     same_remedy_as: str | None = None  # id of another cause: they are one answer
-    instrument: str  # what shows it where these readings leave no trace of it
-    advice: str  # what a technician can do about it; "{where}" stands for its place in words
-    no_screw: str = ""  # why no screw or shim can be set by readings, where that is not plain
-    # What to do where no line of a firmware takes it.
-    no_setting: str = "it has no setting for that: correct the fault"
     # Kind of machine → key of the machine file whose wrong number would look like it.
     number: Mapping[type[Machine], str] = MappingProxyType({})
-    # Kind of machine → title, instrument, advice and no_setting where they are others there.
-    elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
         for stage in Stage:
             if stage in vars(cls):
                 cls.stage = stage
-
-    def words(self, machine: Machine) -> Self:
-        """A copy of the cause, worded as people at this kind of machine call it.
-
-        For its texts alone: what looks for the cause itself, as in a tuple, does not find a copy.
-        """
-        called = copy(self)
-        vars(called).update(self.elsewhere.get(type(machine), {}))
-        return called
 
     def usual(self, kind: type[Machine]) -> float | None:
         """Its plausible size on a kind of machine, in `unit`; None where it does not happen."""

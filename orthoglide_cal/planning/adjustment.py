@@ -104,7 +104,7 @@ def choose_adjustments(
         return effect.cause.id, made
     cause = CAUSES.get(id) if id else next((e.cause for e in asked if effect is None), None)
     if cause and not cause.adjustable:
-        problem = f"No screw or shim corrects {cause.id!r}. {cause.no_screw}".rstrip()
+        problem = f"No screw or shim corrects {cause.id!r}."
         remedy = f"See what helps: {command('guide', cause.id)}"
         raise (UsageError if id else UnusableResultError)(problem, remedy)
     kind = type(diagnosis.model.machine)
