@@ -139,6 +139,11 @@ class Setting:
         short = np.subtract(step.cell.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
 
+    def point(self, step: SessionStep) -> tuple[Floats, Floats]:
+        """Point to drive to: joints and tool, shape (3,) each [mm]."""
+        joints = self.machine.joints_at(step.leg, step.cell.displacement) - self.short_mm(step)
+        return joints, self.machine.nominal_rails.tool_for(joints)
+
     @cached_property
     def plan(self) -> GaugePlan:
         """The readings of all N steps."""
