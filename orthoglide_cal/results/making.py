@@ -47,10 +47,9 @@ from orthoglide_cal.inference import (
     diagnose,
     nothing_wrong,
 )
-from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Effect, Model
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema

@@ -49,10 +49,9 @@ from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
-from orthoglide_cal.model.cause import NORMAL_K, Effect
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
