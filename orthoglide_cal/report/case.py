@@ -10,9 +10,9 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import Parameter, Verdict
-from orthoglide_cal.model.cause import Cause, Estimate
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import DataKind, Source
+from orthoglide_cal.model.model import Cause, Estimate
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import cause_words, sentence

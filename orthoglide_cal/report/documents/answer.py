@@ -15,9 +15,9 @@ from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference import Parameter, Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
-from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
+from orthoglide_cal.model.model import Estimate, Stage
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
