@@ -26,8 +26,8 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, Place, Steps
-from orthoglide_cal.files.probe_readings import (
+from orthoglide_cal.files.content import Content, Place, Steps
+from orthoglide_cal.files.printer_file import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     PrinterFile,
@@ -309,7 +309,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
             with faults.noting(number, value=match[0]):
-                place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
+                place = [within(match[group]) for group in (2, 3, 4)]
                 rows.append((number, *place, match[1] == ":"))
     faults.check()
     touches = np.array(rows)
