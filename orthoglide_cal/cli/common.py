@@ -298,7 +298,7 @@ def read_input(
 def judged(given: Input, **how: Any) -> Case:
     """The answer to an input, with arguments of `answer_to`; shows what it works on."""
     from orthoglide_cal.report.case import Case
-    from orthoglide_cal.results import answer_to
+    from orthoglide_cal.results.making import answer_to
 
     with working(given.measured.source.path):
         return Case(given, answer_to(given, **how))

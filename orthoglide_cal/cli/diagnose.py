@@ -39,15 +39,13 @@ def diagnose(
     from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.estimation import free_arms
-    from orthoglide_cal.files.input import read_input, require_distinct
+    from orthoglide_cal.files.input import in_order, read_input, require_distinct, require_order
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
     from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.documents.answer import diagnosis_document
-    from orthoglide_cal.results import with_dates
-    from orthoglide_cal.results.history import in_order, wrong_order
-    from orthoglide_cal.results.verification import in_wrong_order
+    from orthoglide_cal.results.making import with_dates
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -76,12 +74,11 @@ def diagnose(
         later = free_arms(read_input(holdout, by, stored=data)) if holdout else None
         if holdout and later:
             require_distinct([*dates, later])
-            if in_wrong_order(given, later):
-                right = command(
-                    "diagnose", holdout, machine=machine, holdout=path, applied=applied,
-                    recalibrated=recalibrated,
-                )  # fmt: skip
-                raise wrong_order(later, given, right)
+            right = command(
+                "diagnose", holdout, machine=machine, holdout=path, applied=applied,
+                recalibrated=recalibrated,
+            )  # fmt: skip
+            require_order(given, later, right)
         # Without a diagnosis the answer is that of solve.
         diagnosed, needless = None, () if later or accept else (UnusableResultError,)
         with common.working(path), suppress(*needless):

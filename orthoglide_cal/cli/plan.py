@@ -42,8 +42,7 @@ def plan(
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.files.readings import places_csv
     from orthoglide_cal.inference import diagnose
-    from orthoglide_cal.planning import rank_measurements
-    from orthoglide_cal.planning.plan import chosen_session, measurement_plan
+    from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
     from orthoglide_cal.planning.program import posture_program
     from orthoglide_cal.planning.steps import GuidedSession, require_on_bar
     from orthoglide_cal.report.documents.plan import plan_document

@@ -17,8 +17,7 @@ import numpy as np
 from pydantic import Field, computed_field
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import Scatter, half_width
-from orthoglide_cal.estimation.gaussian import root_of
+from orthoglide_cal.estimation.gaussian import Scatter, half_width, root_of
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
 from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate_absent, simulate
 from orthoglide_cal.model.plan import Floats, Plan, read_only

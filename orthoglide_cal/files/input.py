@@ -5,9 +5,10 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from glob import escape
 from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path, PurePath
 from typing import Annotated, Literal, NamedTuple, cast
 
@@ -31,6 +32,7 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.text import FileText, document_from_bytes, read_bytes, read_document
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import Orthoglide
@@ -51,6 +53,8 @@ _GAUGED = re.compile(
     r"^(?!#)(?=.*\b(?:leg|difference|x_mm)\b).*\b(?:reading_mm|reading_in|value_mm)\b", re.M | re.I
 )
 _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
+# A date in the name of a file, perhaps with the time.
+_IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
 
 
 class _Format(NamedTuple):
@@ -111,6 +115,23 @@ class Input:
     def name(self) -> str:
         """Name of its file, without the folder."""
         return PurePath(self.measured.source.path).name
+
+    @property
+    def moment(self) -> datetime | None:
+        """When it was measured: as it says, else as its name says."""
+        named = _IN_NAME.search(self.name)
+        name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
+        with suppress(ValueError):
+            moment = datetime.fromisoformat((self.conditions.started or name).strip())
+            return moment.replace(tzinfo=moment.tzinfo or UTC)
+        return None
+
+    def precedes(self, entry: Entered) -> bool:
+        """True if it was measured before this entry, as its date and the values active then say."""
+        moment, entered = self.moment, datetime.fromisoformat(entry.date)
+        active = self.model.machine.active == entry.active[0]
+        entered = entered.replace(tzinfo=entered.tzinfo or UTC)
+        return active and moment is not None and moment < entered
 
 
 class CheckedFile(Schema):
@@ -236,6 +257,40 @@ def require_distinct(inputs: Sequence[Input]) -> None:
         others = {data.measured.source.excerpt for data in inputs[pair[0]].others}
         other = "".join(f" Or try --data {excerpt.data}." for excerpt in others if excerpt)
         raise UsageError(fault, f"Name another measurement.{other}")
+
+
+def in_order(inputs: Sequence[Input]) -> tuple[list[Input], list[datetime]]:
+    """The inputs in order of time, and their times; as given, without, unless all have one."""
+    dated = [(at, given) for given in inputs if (at := given.moment)]
+    if len(dated) < len(inputs):
+        return [*inputs], []
+    dated.sort(key=itemgetter(0))
+    return [given for _, given in dated], [at for at, _ in dated]
+
+
+def require_order(first: Input, second: Input, right: str) -> bool:
+    """True if dates, or else what was entered and when, say that the first was measured first.
+
+    False if nothing says which was. Raises UsageError, with the `right` command: the second was.
+    """
+    history = first.keeper.model.machine.history if first.keeper else ()
+    digests = [entry.data_sha256 for entry in history]
+    one, other = (given.measured.source.sha256 for given in (first, second))
+    # With what was entered active in the first and not yet in the second, or as it should be.
+    held, then = (given.model.machine.active for given in (first, second))
+    changes = [entry.active for entry in history if then != held]
+    known = True
+    if first.moment and second.moment and first.moment != second.moment:
+        swapped = first.moment > second.moment
+    elif other in digests:
+        swapped = one not in digests or digests.index(other) < digests.index(one)
+    else:
+        swapped = (then, held) in changes
+        known = swapped or one in digests or (held, then) in changes
+    if swapped:
+        paths = second.measured.source.path, first.measured.source.path
+        raise UsageError("{} was measured before {}.".format(*paths), f"Name it first: {right}")
+    return known
 
 
 def together(inputs: Sequence[Input]) -> Input:

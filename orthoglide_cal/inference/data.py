@@ -26,10 +26,14 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
-from orthoglide_cal.estimation.accuracy import require_optimum, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
-from orthoglide_cal.estimation.methods import LeastSquaresFit, pose_plan
+from orthoglide_cal.estimation.gaussian import rms, shrink, unexplained, whiten
+from orthoglide_cal.estimation.solution import (
+    LeastSquaresFit,
+    pose_plan,
+    require_optimum,
+    require_rank,
+)
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
 from orthoglide_cal.model.contrasts import Contrasts, Reduction
@@ -371,8 +375,7 @@ class Linearised(ReadOnly):
         units = np.array([cause.unit_mm(place) for cause, place in undone])
         right = white.relabelled(white.data, *undone) * units[:, None]
         versions = np.vstack([white.data, right])
-        fit = white.fit_versions(versions)
-        require_optimum(white.problem, fit)
+        fit = require_optimum(white.problem, white.fit_versions(versions))
         # A relabelling that no offsets fit did not happen.
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras, first = dict[str, Placed](), 1

@@ -14,8 +14,7 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import chance_of_residual
-from orthoglide_cal.estimation.gaussian import probabilities
+from orthoglide_cal.estimation.gaussian import chance_of_residual, probabilities
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     FALSE_RELEASE,

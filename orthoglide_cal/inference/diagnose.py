@@ -18,9 +18,8 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
-from orthoglide_cal.estimation.accuracy import Scatter, scatter_of_repeats
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
-from orthoglide_cal.estimation.gaussian import mixture, unexplained
+from orthoglide_cal.estimation.gaussian import Scatter, mixture, scatter_of_repeats, unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
@@ -563,7 +562,8 @@ class Diagnosis(Decision):
     def lack_of_fit(self) -> LackOfFit:
         """Test of the parameters alone; a bed's local shape as large as it is found."""
         alone, noise = self.alone, self.model.machine.instrument.noise_mm
-        dof, size, p_value = alone.dof, alone.sigma_residuals_mm or 0.0, alone.lack_of_fit_p
+        size = alone.scatter.sigma_mm if alone.scatter else 0.0
+        dof, p_value = alone.dof, alone.lack_of_fit_p
         if self.white.texture is not None:
             fit = self.fit_of(())
             factor = 1.0 if self.verdict is Verdict.UNEXPLAINED else self.fit.scale_factor

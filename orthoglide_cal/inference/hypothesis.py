@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
+from orthoglide_cal.estimation.solution import require_rank
 from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Linearised, Placed, ids_of
 from orthoglide_cal.inference.evidence import Gaussian
 from orthoglide_cal.model.cause import Cause, Effect, Place

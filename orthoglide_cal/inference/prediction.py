@@ -15,11 +15,17 @@ import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
+from orthoglide_cal.estimation.gaussian import (
+    Mixture,
+    rms,
+    root_of,
+    unexplained,
+    whiten,
+    whiten_shared,
+)
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
-from orthoglide_cal.estimation.methods import fit_offsets
+from orthoglide_cal.estimation.solution import fit_offsets
 from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
 from orthoglide_cal.model.contrasts import without_zeros

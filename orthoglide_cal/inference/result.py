@@ -8,7 +8,6 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, computed_field
 
-from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.data import Ids
@@ -74,7 +73,7 @@ class Parameter(Schema):
     def all_of(cls, model: Model, values: Floats, std: Floats, k: float) -> tuple[Self, ...]:
         """Every parameter of a machine from values and standard uncertainties (p,), U = k u."""
         machine, expanded = model.machine, k * std
-        known = zip(values.tolist(), determined(model, expanded), strict=True)
+        known = zip(values.tolist(), machine.determined(expanded), strict=True)
         columns = {
             "name": machine.parameter_names,
             "unit": machine.parameter_units,

@@ -597,8 +597,8 @@ class LinearDelta(Machine):
         # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
-        fault = "distance" if plan.distance[index] else "touch"
-        return f"x {x}, y {y} mm ({fault} {number})"
+        kind = "distance" if plan.distance[index] else "touch"
+        return f"x {x}, y {y} mm ({kind} {number})"
 
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:
         """Touches spread evenly over the bed in a mixed order; all of one height, then the next."""
@@ -663,8 +663,8 @@ class LinearDelta(Machine):
             # A place that is touched on both heights has one local shape.
             bed = mixed(np.vstack((rings(count, REACH * self.bed_radius_mm), upper)))
             again = f"{some} of them again on a block of {HIGH_MM:g} mm"
-            fault = f"{len(bed)} places of the bed, and {again}"
-            layouts.append(layout_of("telling", fault, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
+            words = f"{len(bed)} places of the bed, and {again}"
+            layouts.append(layout_of("telling", words, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
         return tuple(sorted(layouts, key=lambda layout: layout.minutes))
 
     def local_shape(self, plan: ProbePlan) -> Influence:

@@ -487,6 +487,10 @@ class Machine(Schema):
     def plausible(self) -> tuple[float, ...]:
         """The largest size of each calibrated parameter that a machine can have, in its unit."""
 
+    def determined(self, expanded: Floats) -> tuple[bool, ...]:
+        """True of each calibrated parameter that is known well enough to state, from U (p,)."""
+        return tuple((expanded < (self.max_reportable_u or self.plausible)).tolist())
+
     @property
     def travel_mm(self) -> float:
         """How far a carriage can move, about [mm]."""

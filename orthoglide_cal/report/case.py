@@ -17,8 +17,16 @@ from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Answer, CheckReading, Identity, Validity, recording
-from orthoglide_cal.results.answer import RETAKE, THEN, InputFile
+from orthoglide_cal.results.answer import (
+    RETAKE,
+    THEN,
+    Answer,
+    CheckReading,
+    Identity,
+    InputFile,
+    Validity,
+)
+from orthoglide_cal.results.application import recording
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,

@@ -21,7 +21,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import Case, check_words
 from orthoglide_cal.report.sentences import FIRMWARES
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     coverage_words,

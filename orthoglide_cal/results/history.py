@@ -5,14 +5,10 @@ lasting causes that any session shows is given to the hypotheses about several d
 """
 
 import math
-import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from itertools import chain, compress, pairwise, zip_longest
-from operator import itemgetter
-from pathlib import PurePath
 from types import MappingProxyType
 from typing import Literal
 
@@ -23,9 +19,8 @@ from scipy.linalg import block_diag
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
-from orthoglide_cal.estimation.gaussian import mixture, probabilities
+from orthoglide_cal.estimation.gaussian import half_width, mixture, probabilities
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     MISSED_CHANGE,
@@ -34,7 +29,7 @@ from orthoglide_cal.estimation.losses import (
     state,
 )
 from orthoglide_cal.estimation.solution import require_settings
-from orthoglide_cal.files.input import Input, copies_in
+from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
@@ -44,11 +39,11 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Cause, Estimate
-from orthoglide_cal.model.machine import Entered, Machine, Origin
+from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.adjustment import Removed
-from orthoglide_cal.results.validity import STEP_K
+from orthoglide_cal.results.answer import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
 from orthoglide_cal.words import listed
 
@@ -171,7 +166,7 @@ class _Session:
                 refuted = unseen.refute(decision.accepted, *fits)
                 decision = replace(decision, refuted=refuted)
         if decision.refuted:
-            data = {**decision.refuted.data, "of_file": PurePath(self.path).name}
+            data = {**decision.refuted.data, "of_file": self.given.name}
             self.refuted = decision.refuted.changed(data=data)
         if decision.verdict is Verdict.UNEXPLAINED:
             values, spread = decision.offsets
@@ -303,47 +298,12 @@ def _reached(
     return reached.changed(parameter=first, days=days[first], date=date)
 
 
-_IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
-
-
-def moment_of(given: Input) -> datetime | None:
-    """When it was measured: as it says, else as its name says."""
-    named = _IN_NAME.search(PurePath(given.measured.source.path).name)
-    name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
-    with suppress(ValueError):
-        moment = datetime.fromisoformat((given.conditions.started or name).strip())
-        return moment.replace(tzinfo=moment.tzinfo or UTC)
-    return None
-
-
 def _of_date(given: Input, date: str) -> Input:
     """An input measured on a stated date. Raises UsageError: it is none."""
     stated = replace(given, conditions=given.conditions.changed(started=date))
-    if moment_of(stated) is None:
+    if stated.moment is None:
         raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
     return stated
-
-
-def precedes(given: Input, entry: Entered) -> bool:
-    """True if it was measured before this entry, as its date says and the values active then."""
-    moment, entered = moment_of(given), datetime.fromisoformat(entry.date)
-    active = given.model.machine.active == entry.active[0]
-    return active and moment is not None and moment < entered.replace(tzinfo=entered.tzinfo or UTC)
-
-
-def in_order(inputs: Sequence[Input]) -> tuple[list[Input], list[datetime]]:
-    """The inputs in order of time, and their times; as given, without, unless all have one."""
-    dated = [(at, given) for given in inputs if (at := moment_of(given))]
-    if len(dated) < len(inputs):
-        return [*inputs], []
-    dated.sort(key=itemgetter(0))
-    return [given for _, given in dated], [at for at, _ in dated]
-
-
-def wrong_order(first: Input, second: Input, right: str) -> UsageError:
-    """The error for two inputs named in the other order, with the right command."""
-    paths = first.measured.source.path, second.measured.source.path
-    return UsageError("{} was measured before {}.".format(*paths), f"Name it first: {right}")
 
 
 def compare(

@@ -32,8 +32,8 @@ from orthoglide_cal.estimation import (
     promise,
     solve,
 )
-from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
+from orthoglide_cal.estimation.gaussian import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.estimation.solution import SUSPICIOUS, require_settings
 from orthoglide_cal.files.input import Input
@@ -47,13 +47,13 @@ from orthoglide_cal.inference import (
     nothing_wrong,
 )
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
+from orthoglide_cal.model.machine import OwnGauge
+from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
-from orthoglide_cal.results.answer import RETAKE, THEN, Release, Remedy
-from orthoglide_cal.results.validity import validity
+from orthoglide_cal.results.answer import RETAKE, STEP_K, THEN, Release, Remedy, UsedGauge, Validity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import entered_decimals
 
@@ -113,7 +113,7 @@ def answer_to(
     following = None
     if diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
-        from orthoglide_cal.planning import best_next
+        from orthoglide_cal.planning.plan import best_next
 
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following, corrects)
@@ -237,6 +237,60 @@ def with_dates(
         parameters = parameters_of(widened(dated, solve(dated.measured, model)))
         dates.append(schema.OfDate(path=dated.measured.source.path, parameters=parameters))
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
+
+
+def validity(given: Input) -> Validity:
+    """Conditions of one input."""
+    conditions, machine = given.conditions, given.model.machine
+    measured = conditions.finished or conditions.started
+    owned = {gauge.id: gauge for gauge in reversed(machine.gauges)}
+    gauges = []
+    for gauge in conditions.gauges:
+        known = dict(owned.get(gauge.id, OwnGauge(id=gauge.id)))
+        if gauge.certificate and known["certificate"] not in (None, gauge.certificate):
+            known = dict(OwnGauge(id=gauge.id))  # that is of another time
+        known |= {name: value for name, value in gauge if value}
+        due = known["due"] = known["due"] or machine.report.gauge_due
+        used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
+        gauges.append(UsedGauge(**known, overdue=bool(used and last and used > last)))
+    start, end = conditions.temperature_ends_c
+    return Validity(
+        measured=measured,
+        operator=conditions.operator,
+        gauges=tuple(gauges),
+        temperature_start_c=start,
+        temperature_end_c=end,
+        reservations=tuple(_reservations(given, gauges)),
+    )
+
+
+def _reservations(given: Input, gauges: Sequence[UsedGauge]) -> Iterator[Reason]:
+    conditions = given.conditions
+    for gauge in gauges:
+        if gauge.overdue:
+            yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
+    for remark in given.measured.remarks:
+        if remark.code in CAUTIONS:
+            yield remark
+        elif remark.code == "nozzle_lowered":
+            yield Reason.of("nozzle_lower", **remark.data)
+    known = conditions.temperatures_c
+    if known and max(known) - min(known) > STEP_K:
+        yield Reason.of("temperature_changed", kelvin=max(known) - min(known))
+    stated = {
+        "date": conditions.finished or conditions.started,
+        "operator": conditions.operator,
+        "temperature": conditions.temperature_ends_c[0] is not None,
+        "gauges": gauges,
+    }
+    missing = [name for name in given.model.machine.noted if not stated[name]]
+    for gauge in gauges:
+        if not gauge.certificate:
+            missing.append(f"certificate of gauge {gauge.id}")
+        if not gauge.due:
+            missing.append(f"due date of gauge {gauge.id}")
+    if missing and not given.measured.source.simulated:
+        yield Reason.of("not_recorded", missing=missing)
 
 
 def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ()) -> Solution:

@@ -15,7 +15,7 @@ more than noise and local shape, as stated, explain.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from operator import attrgetter
@@ -27,11 +27,9 @@ from pydantic import Field, InstanceOf
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
-from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
-from orthoglide_cal.estimation.gaussian import whiten
-from orthoglide_cal.estimation.methods import table_kind
-from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.files.input import Input, require_distinct
+from orthoglide_cal.estimation.gaussian import chance_of_residual, half_width, rms, whiten
+from orthoglide_cal.estimation.solution import SUSPICIOUS, table_kind
+from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
@@ -42,10 +40,8 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
-from orthoglide_cal.results.answer import InputFile
-from orthoglide_cal.results.history import moment_of, precedes, wrong_order
-from orthoglide_cal.results.making import parameters_of, remainder, widened
-from orthoglide_cal.results.validity import Validity, compare_reservations, validity
+from orthoglide_cal.results.answer import STEP_K, InputFile, Validity
+from orthoglide_cal.results.making import parameters_of, remainder, validity, widened
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
@@ -212,8 +208,7 @@ def verify(
         UnusableResultError: one of them does not determine the parameters.
     """
     require_distinct((before, after))
-    if swapped := in_wrong_order(before, after):
-        raise wrong_order(after, before, typed)
+    ordered = require_order(before, after, typed)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):
@@ -269,7 +264,7 @@ def verify(
         worst = min(outcomes, key=[*Outcome].index)
         decision = Conformity(outcome=worst, limit_mm=limit_mm)
     # Only an opposite sign can come of the wrong order.
-    unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
+    unordered = not ordered and response["answer"] is Behaviour.OPPOSITE
     return Verification(
         **_common((before, after), (first, second), entered.tolist(), unordered),
         kind=shared.kind,
@@ -378,6 +373,25 @@ def _common(
     }
 
 
+def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
+    """Reservations of two measurements together: of each, and of both."""
+    for when, conditions, other in (("Before", before, after), ("After", after, before)):
+        for reason in conditions.reservations:
+            both = reason in other.reservations
+            if not both or conditions is before:
+                session = "Before and after" if both else when
+                yield Reason.of("of_session", when=session, reason=reason)
+    ids = [[gauge.id for gauge in conditions.gauges] for conditions in (before, after)]
+    if all(ids) and set(ids[0]) != set(ids[1]):
+        yield Reason.of("other_gauges", before=ids[0], after=ids[1])
+    ends = ((one.temperature_start_c, one.temperature_end_c) for one in (before, after))
+    known = [[end for end in pair if end is not None] for pair in ends]
+    if all(known):
+        first, second = (sum(pair) / len(pair) for pair in known)
+        if abs(second - first) > STEP_K:
+            yield Reason.of("temperatures_differ", before_c=first, after_c=second)
+
+
 def _by_axis(values: Floats) -> dict[str, float]:
     return dict(zip(AXES, values.tolist(), strict=True))
 
@@ -388,27 +402,6 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     alone = diagnosis.alone
     alone.require_possible()
     return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
-
-
-def in_wrong_order(before: Input, after: Input) -> bool | None:
-    """True if dates, or else what was entered and when, say that the second was measured first.
-
-    None if nothing says which was.
-    """
-    earlier, later = map(moment_of, (before, after))
-    if earlier and later and earlier != later:
-        return earlier > later
-    history = before.keeper.model.machine.history if before.keeper else ()
-    digests = [entry.data_sha256 for entry in history]
-    first, second = (given.measured.source.sha256 for given in (before, after))
-    if second in digests:
-        return first not in digests or digests.index(second) < digests.index(first)
-    # With what was entered active in the first and not yet in the second, or as it should be.
-    held, then = (given.model.machine.active for given in (before, after))
-    changes = [entry.active for entry in history if then != held]
-    if (then, held) in changes:
-        return True
-    return False if first in digests or (held, then) in changes else None
 
 
 def _entered(
@@ -426,7 +419,7 @@ def _entered(
         corrected = known.corrected
     if applied is not None:
         return np.array(applied, dtype=float), corrected
-    if known and precedes(after, known):
+    if known and after.precedes(known):
         paths = (given.measured.source.path for given in (after, before))
         raise UsageError(
             "{} was measured before the offsets of {} were entered.".format(*paths),

@@ -25,7 +25,7 @@ from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import rank_measurements
+from orthoglide_cal.planning.plan import rank_measurements
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
     GuidedSession,

@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.budget import Contribution, budget_of, influences, warmth
+from orthoglide_cal.estimation.gaussian import Scatter
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.contrasts import without_zeros

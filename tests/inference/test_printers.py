@@ -20,9 +20,9 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning import best_next
+from orthoglide_cal.planning.plan import best_next
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import answer_to, with_dates
+from orthoglide_cal.results.making import answer_to, with_dates
 from tests.inference.sessions import given, ids
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import true_values

@@ -26,7 +26,7 @@ from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.paper.tables import experiment
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import headline
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals

@@ -12,7 +12,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import fit_offsets, solve
-from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.estimation.gaussian import half_width
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.cause import Effect, Place
 from orthoglide_cal.model.kinematics import Command

@@ -14,10 +14,9 @@ from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning import best_next, rank_measurements
-from orthoglide_cal.planning.next_measurement import options, predictions
+from orthoglide_cal.planning.plan import best_next, options, predictions, rank_measurements
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.bench.ambiguous import continued
 from tests.inference.sessions import given, known, model_of, readings_of, reduced

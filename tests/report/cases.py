@@ -22,7 +22,7 @@ from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.short import check_document, paper_document
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.schema import Reason

@@ -19,7 +19,7 @@ from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results.answer import Identity
 from tests.machines import NOMINAL, extended
 from tests.printer_files import OFF, exact
 from tests.report.cases import changed

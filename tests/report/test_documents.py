@@ -16,7 +16,7 @@ from orthoglide_cal.report.documents.answer import solution_document
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.sentences import _SENTENCES
-from orthoglide_cal.results import identify
+from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
 from tests.machines import ROOT

@@ -14,7 +14,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report.documents.history import history_document
-from orthoglide_cal.results.history import History, _Session, compare, moment_of
+from orthoglide_cal.results.history import History, _Session, compare
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.inference.sessions import given as touched
@@ -195,7 +195,7 @@ def test_the_name_of_a_file_tells_its_date():
         "printer.cfg": None,
     }.items():
         source = replace(only.measured.source, path=f"backup/{name}")
-        found = moment_of(replace(only, measured=replace(only.measured, source=source)))
+        found = replace(only, measured=replace(only.measured, source=source)).moment
         assert (found and found.isoformat()) == day
 
 

@@ -19,7 +19,8 @@ from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.results import Answer, answer_to
+from orthoglide_cal.results.answer import Answer
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.inference.sessions import changed, known
 from tests.results.sessions import given

@@ -20,8 +20,8 @@ from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import answer_to, identify
-from orthoglide_cal.results.history import precedes
+from orthoglide_cal.results.answer import identify
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.results.verification import Outcome, _respond, shared_differences, verify
 from tests import truth
 from tests.estimation.sessions import of_values
@@ -255,7 +255,7 @@ def test_the_order_of_two_dates_is_known():
     none, noon = dict.fromkeys("xyz", 0.0), "2026-03-01T12:00:00"
     entry = Entered(date=noon, before=none, after=dict.fromkeys("xyz", 1.0), data_sha256="0" * 64)
     later = replace(dated[0], model=NOMINAL.holding((1.0, 1.0, 1.0)))
-    assert [precedes(one, entry) for one in (*dated, later, first)] == [True, False, False, False]
+    assert [one.precedes(entry) for one in (*dated, later, first)] == [True, False, False, False]
     undated = verify(second, first, TRUE)
     screen = verification_document(undated, identify([], issued=ISSUED)).screen
     assert "was measured first" in str(screen().sections)

@@ -14,7 +14,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import session_json
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.steps import Posture
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Retake

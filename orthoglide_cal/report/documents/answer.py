@@ -14,7 +14,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
-from orthoglide_cal.inference import Verdict, nothing_wrong
+from orthoglide_cal.inference import Parameter, Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
@@ -37,7 +37,8 @@ from orthoglide_cal.report.documents.pictures import (
 )
 from orthoglide_cal.report.sentences import SOURCES, label_words, pattern_name
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
+from orthoglide_cal.results.answer import RETAKE, Answer
+from orthoglide_cal.results.application import recording
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     chance,

@@ -40,7 +40,7 @@ from orthoglide_cal.report.documents.answer import (
     steps_section,
     to_do,
 )
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import capitalized, plain, short, two_figures
 

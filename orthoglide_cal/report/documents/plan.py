@@ -19,10 +19,10 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
+    TRACE_SIGMA,
     MeasurementPlan,
     SessionForecast,
 )
-from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import GIVES_UP, MOST_CYCLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case

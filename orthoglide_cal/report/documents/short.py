@@ -15,7 +15,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Application, Correction
+from orthoglide_cal.results.application import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
 from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures
 
