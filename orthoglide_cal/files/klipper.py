@@ -112,8 +112,9 @@ class Settings(Content):
         self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
         self.dropped = list(self._dropped(lines))
         self.remarks = [
-            Reason.of("dropped", line=fault.line, what=fault.what, remedy=fault.remedy)
+            Reason.of("dropped", lines=lines, what=fault.what, remedy=fault.remedy)
             for fault in self.dropped[:1]
+            for lines in [[str(f.line) for f in self.dropped if f.what == fault.what]]
         ]
         self.remarks += [
             Reason.of("not_in_force", line=line, option=name, section=section, other=other)

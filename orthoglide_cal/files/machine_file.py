@@ -454,9 +454,12 @@ def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
             of the old one as a whole. A new entry comes last, but for `complete`.
         remark: behind the first line of a new entry.
     """
+    # In its own line ends; those of a file that mixes them stay.
+    end = "\r\n" if text.count("\r\n") == text.count("\n") > 0 else "\n"
+    text = text.replace(end, "\n")
     for path, value in changes.items():
         text = _changed(text, path, value, remark)
-    return text
+    return text.replace("\n", end)
 
 
 def _changed(text: str, path: Steps, value: object, remark: str) -> str:

@@ -135,6 +135,7 @@ def test_an_item_comes_last_and_goes_again(text: str) -> None:
     items = yaml.safe_load(text)["h"]
     new = edited(text, {("h", len(items)): {"x": 1, "y": [1, 2], "z": {"b": [{"c": 1}]}}}, " # no")
     assert yaml.safe_load(new)["h"][:-1] == items
+    assert "\r" not in text or new.count("\r\n") == new.count("\n")
     assert yaml.safe_load(new)["h"][-1]["z"] == {"b": [{"c": 1}]}
     assert edited(new, {("h", len(items)): None}) == text
 
