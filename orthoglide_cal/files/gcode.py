@@ -38,7 +38,6 @@ from pathlib import PurePath
 import numpy as np
 
 from orthoglide_cal.errors import InputError, PostureError
-from orthoglide_cal.files.content import Content
 from orthoglide_cal.files.printer_file import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -51,6 +50,7 @@ from orthoglide_cal.files.printer_file import (
     within,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.tree import Content
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.plan import Floats

@@ -17,25 +17,21 @@ from pydantic import InstanceOf, PlainSerializer
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file
-from orthoglide_cal.files.content import YAML_LIMIT, load_tree
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
-    Table,
     conditions_in,
-    differences_from_table,
     implausible_temperatures,
-    probe_readings_from_table,
-    readings_in,
+    measured_in,
     session_from_tree,
 )
 from orthoglide_cal.files.text import FileText, document_from_bytes, read_bytes, read_document
+from orthoglide_cal.files.tree import YAML_LIMIT, load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import MACHINE_FILE, Reason, Schema, Sentence
 
 # The machine that the user names, or the settings of its firmware.
@@ -455,22 +451,8 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     entered = judge.machine.entered_from(document.sha256)
     if entered and entered.before:
         judge = judge.holding(entered.active[0], entered.corrected_before)
-    table = Table(document)
-    columns = set(table.columns)
-    probed = columns & {"x_mm", "y_mm"} and not columns & {"leg", "difference"}
-    try:
-        if probed:
-            readings = probe_readings_from_table(table, judge.machine.bed)
-        else:
-            gauged = Orthoglide.require(judge.machine)
-            if "difference" in columns:
-                return Input(differences_from_table(table, gauged), judge, Conditions())
-            readings = readings_in(table, gauged)
-    except UsageError as error:
-        fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
-        line = table.header_line
-        raise InputError(fault, error.remedy, file=document.path, line=line) from error
-    return Input(readings, judge, conditions_in(readings))
+    measured = measured_in(document, judge.machine)
+    return Input(measured, judge, conditions_in(measured))
 
 
 def printer_settings(path: Path) -> PrinterFile | None:

@@ -26,7 +26,6 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.content import Content, Place, Steps
 from orthoglide_cal.files.printer_file import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -38,6 +37,7 @@ from orthoglide_cal.files.printer_file import (
     within,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.tree import Content, Place, Steps
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise, touching
 from orthoglide_cal.model.measured import NOZZLE, Readings
 from orthoglide_cal.model.plan import Bools, Floats

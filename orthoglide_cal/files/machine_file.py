@@ -20,16 +20,8 @@ from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_mo
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.content import (
-    WORDS,
-    Content,
-    Steps,
-    dotted,
-    load_tree,
-    nearest,
-    yaml_text,
-)
 from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
+from orthoglide_cal.files.tree import WORDS, Content, Steps, dotted, load_tree, nearest, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Active, Corrections, Entered, Machine

@@ -11,9 +11,9 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.content import Content
 from orthoglide_cal.files.readings import BEYOND
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.tree import Content
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, ReadOnly

@@ -32,15 +32,15 @@ from pydantic import (
     field_validator,
 )
 
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import machine_file
-from orthoglide_cal.files.content import WORDS, Content, Place, Steps, unused, yaml_text
 from orthoglide_cal.files.text import FileText, csv_text, number_text
+from orthoglide_cal.files.tree import WORDS, Content, Place, Steps, unused, yaml_text
 from orthoglide_cal.model.linear_delta import touching
 from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
+from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
@@ -738,15 +738,8 @@ def _remarks(
 BEYOND = 1.2
 
 
-def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
+def _touches(table: Table, bed: Bed) -> Readings:
     """The touches of a CSV. Raises InputError with everything that is wrong."""
-    table.check_header(ProbeRow)
-    table.check()
-    if table.rows and not any("reading_mm" in cells for cells in table.rows):
-        # The empty cells are no faults of their own.
-        remedy = "Probe the places in this order, and write the height at which the probe triggers."
-        table.note((0, "reading_mm"), "No reading was filled in.", remedy)
-        table.check()
     away, high = 2.0 * bed.radius_mm, bed.highest_mm
     longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
     checking = Rows(table, ProbeRow, longest=longest)
@@ -799,7 +792,7 @@ def probe_points_csv(readings: Readings) -> str:
 # --- differences of readings, as the paper prints them --------------------------------------------
 
 
-def differences_from_table(table: Table, machine: Machine) -> Differences:
+def _differences(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
     rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
     remarks = [*rows.remarks]
@@ -836,6 +829,22 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             rows.note(index, "difference", fault, remedy)
         first.setdefault(name, rows.line(index))
     return kind
+
+
+def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
+    """Readings, touches or differences, by the header of a CSV. Raises InputError as they do."""
+    table = Table(document)
+    columns = set(table.columns)
+    probed = columns & {"x_mm", "y_mm"} and not columns & {"leg", "difference"}
+    try:
+        if probed:
+            return _touches(table, machine.bed)
+        gauged = Orthoglide.require(machine)
+    except UsageError as error:
+        fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
+        line = table.header_line
+        raise InputError(fault, error.remedy, file=document.path, line=line) from error
+    return (_differences if "difference" in columns else readings_in)(table, gauged)
 
 
 # --- sessions -----------------------------------------------------------------------------------
@@ -916,8 +925,10 @@ class Conditions(Circumstances):
         return (min(known) + max(known)) / 2.0 if known else None
 
 
-def conditions_in(readings: Readings) -> Conditions:
+def conditions_in(readings: Readings | Differences) -> Conditions:
     """Conditions that the readings alone state."""
+    if not isinstance(readings, Readings):
+        return Conditions()
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.content import load_tree
 from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import (
     default_machine,
@@ -25,6 +24,7 @@ from orthoglide_cal.files.machine_file import (
     with_history,
 )
 from orthoglide_cal.files.readings import Session, session_text
+from orthoglide_cal.files.tree import load_tree
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.linear_delta import CALLIPER_MM
 from orthoglide_cal.model.machine import Details, Entered, JointOffsets, OwnGauge

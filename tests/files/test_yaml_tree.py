@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.content import load_tree, yaml_text
 from orthoglide_cal.files.machine_file import edited
+from orthoglide_cal.files.tree import load_tree, yaml_text
 
 from .helpers import PROTOTYPE, document
 
