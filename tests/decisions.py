@@ -74,7 +74,7 @@ for name in ("scaled", "settled"):
     setattr(DIAGNOSE.Diagnosis, name, functools.lru_cache(KEPT)(getattr(DIAGNOSE.Diagnosis, name)))
 PLAN = module_of("planning.plan")
 ranked = functools.lru_cache(KEPT)(PLAN.rank_measurements)
-replace("rank_measurements", ranked, "planning.plan", "session.opening")
+replace("rank_measurements", ranked, "planning.plan", "session.dialogue")
 # Of the layouts of a printer there are some dozens.
 apart = once(PLAN.separations, 200)
 replace("separations", apart, "planning.plan")

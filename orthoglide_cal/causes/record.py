@@ -16,10 +16,10 @@ from orthoglide_cal.causes.base import (
     there,
     words_of,
 )
-from orthoglide_cal.model.cause import EVERYWHERE, Place
 from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import EVERYWHERE, Place
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Plan
 from orthoglide_cal.model.readings import GaugePlan
@@ -38,13 +38,10 @@ class Misread(PatternCause):
     """Error of a single reading, of any size: a wrong digit, a wrong mark, a wrong line."""
 
     id = "misread"
-    title = "one reading is wrong"
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})  # a slip of one numbered division
     hides_reading = True
     any_size = True
-    instrument = "every reading taken twice"
-    advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         return tuple((i,) for i in range(len(plan)))
@@ -52,7 +49,6 @@ class Misread(PatternCause):
     def several(self, count: int) -> Self:
         cause = copy(self)
         cause.names = tuple(f"size_{number}" for number in range(1, count + 1))
-        cause.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
         return cause
 
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
@@ -74,13 +70,10 @@ class GaugeSlip(PatternCause):
     """
 
     id = "gauge_slip"
-    title = "whole turns of the dial were miscounted"
     unit = "turns"
     sizes = MappingProxyType({Orthoglide: 1.0})  # the small pointer was misjudged by one
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
-    instrument = "a digital gauge, which counts its turns itself"
-    advice = "Count the turns again: {where}. Correct it in the file by whole revolutions."
 
     def possible(self, machine: Machine) -> bool:
         return super().possible(machine) and machine.instrument.turn_mm > 0.0
@@ -110,9 +103,6 @@ class SignFlip(RelabelCause):
     """
 
     id = "sign_flip"
-    title = "a gauge was read with the opposite sign"
-    instrument = "a feeler gauge under each plunger: its reading must grow"
-    advice = "Check which way + is on the gauge of {where}, and change the sign of its readings."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return (*series_places(plan), *whole_table(plan))
@@ -137,12 +127,6 @@ class SwappedGauges(ExchangeCause):
     """
 
     id = "swapped_gauges"
-    title = "the two gauges of one leg were exchanged"
-    instrument = "pushing each plunger alone: only its own column may change"
-    advice = (
-        "Check the cables or columns of the two gauges of {where}, and exchange them back, also in"
-        " the file. If they were right, the readings of the other two legs are exchanged."
-    )
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         legs = (place_in(part, leg) for part in range(plan.parts) for leg in range(3))
@@ -161,10 +145,7 @@ class ExchangedColumns(ExchangeCause):
     """The columns leg and direction stand under each other's headings, in the whole table."""
 
     id = "exchanged_columns"
-    title = "the columns leg and direction were exchanged"
     weight = CLERICAL
-    instrument = "pushing each plunger alone: only its own row may change"
-    advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return whole_table(plan)
@@ -178,10 +159,7 @@ class WrongUnit(RelabelCause):
     """All readings are in another unit than the file says."""
 
     id = "wrong_unit"
-    title = "all readings are in another unit"
     weight = CLERICAL
-    instrument = "a gauge block under the plunger"
-    advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return tuple((k,) for _ in whole_table(plan) for k in range(len(_UNITS)))

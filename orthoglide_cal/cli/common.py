@@ -221,13 +221,13 @@ def asked_session(
     return {field: value for field, value in asked.items() if value is not None}
 
 
-def agreement(yes: bool, fault: str) -> Callable[[str], bool]:
-    """Asks the person at the terminal, who may have agreed to everything (`yes`).
+def agreement(yes: bool, reason: str) -> Callable[[str], bool]:
+    """Ask the person at the terminal, who may have agreed to everything (`yes`), for a `reason`.
 
-    Raises UsageError with this fault where nobody can be asked.
+    Raises UsageError, which gives it, where nobody can be asked.
     """
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UsageError(fault, "In a script, give --yes.")
+        raise UsageError(reason, "In a script, give --yes.")
 
     def agrees(question: str) -> bool:
         asked = wrapped(f"{question} y/n", shutil.get_terminal_size().columns - 4)

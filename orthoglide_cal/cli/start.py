@@ -17,7 +17,7 @@ def start() -> None:
     from orthoglide_cal.files.input import printers_in, sessions_in
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.results.application import unwritten
-    from orthoglide_cal.session.opening import is_practice, unfinished
+    from orthoglide_cal.session.dialogue import is_practice, unfinished
 
     here, file, machine, known, faulty = Path(), None, None, "none in this folder", ""
     try:

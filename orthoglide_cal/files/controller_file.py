@@ -39,10 +39,9 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
-from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Corrections, Machine, Written, WrittenTable, WrittenValue
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Cause, Effect, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Reason

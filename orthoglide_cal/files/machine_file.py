@@ -22,10 +22,9 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
 from orthoglide_cal.files.tree import WORDS, Content, Steps, dotted, load_tree, nearest, yaml_text
-from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Active, Corrections, Entered, Machine
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Effect, Estimate, Model
 from orthoglide_cal.schema import (
     Day,
     Digest,

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import PostureError, UnusableResultError
+from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import Scatter, mixture, scatter_of_repeats, unexplained
@@ -49,10 +49,9 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Place
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import NORMAL_K, Cause, Effect, Model, Place
 from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 
@@ -274,7 +273,7 @@ class Diagnosis(Decision):
                     heldout_ratio=after.ratio,
                     aliases=tuple(other for other in aliases if other not in ids),
                     times_stated=times if times > BEYOND else None,
-                    remedy=cause.words(machine).advice.format(where=where),
+                    remedy=Reason.of("advice", id=id, where=where),
                     recommended=taken and gains and sure,
                     in_machine=cause.in_machine,
                 )
@@ -318,7 +317,7 @@ class Diagnosis(Decision):
                 UnshownFault(
                     id=id,
                     where=" or ".join(filter(None, wheres)),
-                    check=CAUSES[id].words(machine).instrument,
+                    check=Reason.of("check", id=id),
                     change=float(change[largest]),
                     unit=machine.parameter_units[largest],
                     matters=bool(np.any(change > u)),
@@ -405,7 +404,7 @@ class Diagnosis(Decision):
                     f"Making {id} part of the machine's model is not recommended: it does not"
                     f" last as it is, does not predict better than {many} only, or something else"
                     " explains these data as well.",
-                    named.remedy,
+                    f"See what helps: {command('guide', id)}",
                 )
         if not accepted:
             raise UnusableResultError(

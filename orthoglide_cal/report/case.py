@@ -11,12 +11,12 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import DataKind, Source
+from orthoglide_cal.model.model import Cause
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.sentences import sentence
+from orthoglide_cal.report.sentences import cause_words, sentence
 from orthoglide_cal.results.answer import (
     RETAKE,
     THEN,
@@ -84,7 +84,7 @@ class Case:
         """Name of a cause at such a machine; of wrong readings, with a parameter each, how many."""
         if CAUSES[id].hides_reading and parameters > 1:
             return f"{parameters} readings are wrong"
-        return CAUSES[id].words(self.machine).title
+        return cause_words(id, self.machine)["title"]
 
     def says(self, reason: Reason) -> str:
         """The sentence for a reason, in the words of this kind of machine."""

@@ -12,8 +12,8 @@ from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import Bed
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report.case import size_words

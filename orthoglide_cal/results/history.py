@@ -38,9 +38,8 @@ from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
-from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Machine, Origin
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Cause, Estimate, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import STEP_K

@@ -46,10 +46,9 @@ from orthoglide_cal.inference import (
     diagnose,
     nothing_wrong,
 )
-from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Effect, Model
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
@@ -575,7 +574,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
         # Instead of what happened at one place something beyond the list may have.
         sure -= {cause.id for cause in diagnosis.causes if cause.where}
     remedies = [
-        Remedy.of("do", what=cause.remedy)
+        Remedy(sentence=cause.remedy)
         for cause in diagnosis.causes
         if cause.id in sure and not cause.in_machine
     ]
@@ -586,7 +585,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     else:
         remedies.append(_decisive(diagnosis, following))
     remedies += [
-        Remedy.of("or", first=Reason.of("do", what=cause.remedy))
+        Remedy.of("or", first=cause.remedy)
         for cause in diagnosis.causes
         if cause.where and not cause.in_machine and cause.id not in sure
     ]
@@ -640,7 +639,7 @@ def _named(
     # A slip in the record is looked for sooner than a machine is taken apart.
     for finding in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
         cause = CAUSES[finding.id]
-        remedy = Remedy.of("do", what=finding.remedy)
+        remedy = Remedy(sentence=finding.remedy)
         if finding.recommended:
             remedy = Remedy.of("accept", "diagnose", f"--accept {finding.id}", id=finding.id)
         remedies.append(remedy)

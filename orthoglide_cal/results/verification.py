@@ -33,10 +33,9 @@ from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
-from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import NORMAL_K, Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed

@@ -16,8 +16,7 @@ from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.session.events import Doubt
 from orthoglide_cal.session.readings import ReadingsSoFar
-from orthoglide_cal.session.wording import in_unit, value_text
-from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty
+from orthoglide_cal.words import MM_PER_INCH, Unit, in_unit, value_text, with_uncertainty
 
 # The limits define how often a sound reading is questioned; they decide nothing of the result.
 # Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal import errors, schema, words
-from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import Bed
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import case, figures
 from orthoglide_cal.report.documents import pictures
 from orthoglide_cal.results.answer import Residual, Shim

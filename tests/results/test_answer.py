@@ -267,7 +267,7 @@ def test_the_place_of_the_fault_stands_in_the_first_line_of_the_advice() -> None
     (cause,) = answer.causes
     assert cause.where == "leg x, direction z, min, cycle 2 (reading 12)"
     (remedy,) = answer.release.remedies
-    assert sentences([remedy.sentence])[0].startswith(f"Take this reading again: {cause.where}. ")
+    assert sentences([remedy.sentence])[0].startswith(f"Read again: {cause.where}. ")
 
 
 def test_offsets_and_causes_keep_their_correlations() -> None:

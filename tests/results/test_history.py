@@ -12,7 +12,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import free_arms
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.trends import Trend
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.results.history import History, _Session, compare
 from orthoglide_cal.results.verification import verify

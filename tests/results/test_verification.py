@@ -9,14 +9,13 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference.response import Behaviour
-from orthoglide_cal.model.cause import Estimate
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.model import Estimate, Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.verification import verification_document

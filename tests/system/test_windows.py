@@ -12,8 +12,8 @@ from types import ModuleType
 import pytest
 
 from orthoglide_cal import system
-from orthoglide_cal.session.journal import Journal, create
-from orthoglide_cal.session.keyboard import Keyboard
+from orthoglide_cal.session.asking import Keyboard
+from orthoglide_cal.session.events import Journal, create
 from orthoglide_cal.system import posix
 from tests.session.virtual import answered, opened
 
@@ -51,7 +51,7 @@ def windows(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> ModuleType:
 
 def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[Keyboard]:
     system = windows(monkeypatch, msvcrt)
-    monkeypatch.setattr("orthoglide_cal.session.keyboard.SYSTEM", system)
+    monkeypatch.setattr("orthoglide_cal.session.asking.SYSTEM", system)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
     return closing(Keyboard(msvcrt.output))
@@ -105,7 +105,7 @@ def test_a_journal_is_locked_far_behind_its_end(
 
     msvcrt = Msvcrt()
     system = windows(monkeypatch, msvcrt)
-    monkeypatch.setattr("orthoglide_cal.session.journal.SYSTEM", system)
+    monkeypatch.setattr("orthoglide_cal.session.events.SYSTEM", system)
     path, stack = tmp_path / "s.journal", ExitStack()
     create(path, opened())
     Journal.resume(path, stack)

@@ -16,9 +16,9 @@ from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference import Parameter, Verdict, nothing_wrong
 from orthoglide_cal.inference.result import Explanation
-from orthoglide_cal.model.cause import Estimate, Stage
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
+from orthoglide_cal.model.model import Estimate, Stage
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
@@ -35,7 +35,7 @@ from orthoglide_cal.report.documents.pictures import (
     differences_figure,
     residual_blocks,
 )
-from orthoglide_cal.report.sentences import SOURCES, label_words, pattern_name
+from orthoglide_cal.report.sentences import SOURCES, cause_words, label_words, pattern_name
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import RETAKE, Answer
 from orthoglide_cal.results.application import recording
@@ -576,11 +576,11 @@ def source_words(source: str, machine: Machine, possible: bool = False) -> tuple
     if source in SOURCES:
         name, remedy = (text.format(words=words) for text in SOURCES[source].values())
         return name, remedy
-    causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
-    name = " and ".join(cause.title for cause in causes)
+    causes = [cause_words(id, machine, "this place") for id in source.split(" and ")]
+    name = " and ".join(cause["title"] for cause in causes)
     if possible:
         return f"possible: {name}", _OPEN.format(words=words)
-    return name, f"{causes[0].advice} {_STATE}"
+    return name, f"{causes[0]['advice']} {_STATE}"
 
 
 def _size(line: Contribution) -> str:
@@ -705,7 +705,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         faults = []
     for fault, at in zip(faults, places, strict=False):
         title = f"{case.title_of(fault.id)}{at}"
-        yield f"These readings cannot show whether {title}. How to check: {fault.check}."
+        yield f"These readings cannot show whether {title}. How to check: {case.says(fault.check)}."
     large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
     would = "would explain these readings with"
     large += [(far.id, would, far.times) for far in answer.beyond_tolerance]

@@ -9,7 +9,6 @@ that rests on.
 from collections.abc import Iterator
 from dataclasses import replace
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.measured import DataKind
@@ -40,6 +39,7 @@ from orthoglide_cal.report.documents.answer import (
     steps_section,
     to_do,
 )
+from orthoglide_cal.report.sentences import cause_words
 from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import capitalized, plain, short, two_figures
@@ -159,8 +159,8 @@ def _causes(case: Case) -> list[doc.Section]:
             rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
             above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
             blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
-        if cause.remedy.rstrip(".") not in advised:
-            blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
+        if (remedy := case.says(cause.remedy)).rstrip(".") not in advised:
+            blocks.append(f"{'If so: ' * undecided}{remedy}")
         title = f"Possible: {title}" if undecided else capitalized(title)
         drawn = pictures.cause_figure(case, cause)
         if sections and not drawn:  # beside the map that shows what all of them do
@@ -172,14 +172,14 @@ def _causes(case: Case) -> list[doc.Section]:
 
 def _rivals(case: Case) -> Iterator[doc.Section]:
     """Causes not distinguished from the likeliest answer; its likeliest rival is drawn."""
-    words = {id: CAUSES[id].words(case.machine) for id in case.answer.ambiguous_with}
+    words = {id: cause_words(id, case.machine) for id in case.answer.ambiguous_with}
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
         if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
             cause = words.pop(id)
-            text = f"How to check: {cause.instrument}. If so: {cause.advice}"
-            yield doc.Section(f"Or: {cause.title} ({id})", *cause_sizes(id, sizes), text, sketch)
-    lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
+            text = f"How to check: {cause['check']}. If so: {cause['advice']}"
+            yield doc.Section(f"Or: {cause['title']} ({id})", *cause_sizes(id, sizes), text, sketch)
+    lines = (f"{e['title']} ({id}). How to check: {e['check']}." for id, e in words.items())
     yield doc.Section("Also possible", *map(capitalized, lines))
 
 

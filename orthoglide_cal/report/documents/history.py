@@ -10,7 +10,7 @@ import numpy as np
 
 from orthoglide_cal.errors import command
 from orthoglide_cal.inference.trends import Trend
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import LARGEST_OFFSET, sizes_words

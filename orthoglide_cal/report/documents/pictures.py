@@ -8,8 +8,8 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.inference.result import FoundCause, FoundPattern
-from orthoglide_cal.model.cause import PER_HOUR, Estimate
 from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.model import PER_HOUR, Estimate
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc

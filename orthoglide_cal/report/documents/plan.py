@@ -27,7 +27,7 @@ from orthoglide_cal.planning.steps import GIVES_UP, MOST_CYCLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
-from orthoglide_cal.report.sentences import sentence
+from orthoglide_cal.report.sentences import cause_words, sentence
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import counted, listed, percent, two_figures, unit_words
 
@@ -322,7 +322,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if rows:
         blocks = [doc.Grid(heads, rows, caption=caption)]
-    unseen = [(id, CAUSES[id].words(plan.model.machine).instrument) for id in plan.invisible]
+    unseen = [(id, cause_words(id, plan.model.machine)["check"]) for id in plan.invisible]
     caption = "At their usual size they hardly change such readings."
     blocks.append(doc.Grid(("not seen", "what would show it"), unseen, (0, 1), caption))
     title = "Which causes can be distinguished"
