@@ -10,7 +10,6 @@ from functools import partial
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command
 from orthoglide_cal.inference import Parameter
-from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
@@ -25,7 +24,7 @@ from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import Identity
-from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
+from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
