@@ -11,8 +11,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Cause, Effect, Place
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Patterns, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words

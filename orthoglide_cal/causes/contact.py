@@ -8,9 +8,9 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.causes.base import PatternCause, apart, series_places, there, words_of
-from orthoglide_cal.model.cause import Cause, Effect, Place, Screw
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Cause, Effect, Place, Screw
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers, Patterns
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, other_axes

@@ -5,10 +5,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Cause, Screw
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES

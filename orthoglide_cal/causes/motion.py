@@ -4,9 +4,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.model import Cause, Screw
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES

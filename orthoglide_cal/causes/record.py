@@ -16,10 +16,10 @@ from orthoglide_cal.causes.base import (
     there,
     words_of,
 )
-from orthoglide_cal.model.cause import EVERYWHERE, Place
 from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import EVERYWHERE, Place
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Plan
 from orthoglide_cal.model.readings import GaugePlan

@@ -25,9 +25,11 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import compress
 from typing import NoReturn
 
 import numpy as np
@@ -41,14 +43,13 @@ from orthoglide_cal.estimation.gaussian import (
     chance_of_residual,
     half_width,
     rms,
+    shrink,
     shrinking,
     unexplained,
     whiten,
     whiten_shared,
 )
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
-from orthoglide_cal.model.cause import NORMAL_K, Effect
-from orthoglide_cal.model.contrasts import Contrasts, Reduction, without_zeros, zero_free
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
@@ -59,9 +60,9 @@ from orthoglide_cal.model.measured import (
     Readings,
     notes_on,
 )
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Numbers, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.schema import Reason, Schema
 
@@ -83,6 +84,102 @@ SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD
 PACE = 0.1
 
 
+# --- contrasts: combinations of readings, weighted by their precision -----------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Contrasts(ReadOnly):
+    """W of shape (k, n), as what it does to readings: combinations that no zero enters.
+
+        W y = D (Qᵀ F y)[s:],   D = I − U diag(1 − f) Uᵀ,   Q = I − V T Vᵀ
+
+    F takes the readings as precise as they are. Q is orthogonal, and its first s columns span the
+    zeros (Householder). It costs n·s steps and numbers instead of n².
+    """
+
+    zeros: Floats  # s columns that span the zeros, orthonormal, (n, s)
+    precision: Floats  # of each reading, shape (n,)
+    # U, orthonormal columns, (k, q), and f, (q,), as of `shrinking`; None where D = I.
+    shrunk: tuple[Floats, Floats] | None = None
+    turned: bool = False  # Wᵀ instead, of shape (n, k)
+
+    # Arrays leave `values @ W` to this class.
+    __array_ufunc__ = None
+
+    @cached_property
+    def _reflected(self) -> tuple[Floats, Floats]:
+        """V, shape (m, s), and T, shape (s, s)."""
+        width = self.zeros.shape[1]
+        packed, _ = np.linalg.qr(self.zeros, mode="raw")
+        v = np.tril(packed.T, -1)
+        v[np.arange(width), np.arange(width)] = 1.0
+        inner = v.T @ v
+        t = np.linalg.inv(np.triu(inner, 1) + np.diag(0.5 * np.diag(inner)))
+        return read_only(v), read_only(t)
+
+    def __len__(self) -> int:
+        return len(self.zeros) - int(self.zeros.shape[1])
+
+    @cached_property
+    def T(self) -> Contrasts:
+        turned = copy(self)
+        vars(turned).update(turned=not self.turned, _reflected=self._reflected)  # worked out once
+        return turned
+
+    def __matmul__(self, values: Floats) -> Floats:
+        """W y of readings (n,), or of columns (..., n, q); Wᵀ d of data if it is turned."""
+        if values.ndim == 1:
+            return np.asarray((self @ values[:, None])[:, 0])
+        v, t = self._reflected
+        width, precision = v.shape[1], self.precision[:, None]
+        if self.turned:
+            values = self._weighed(values)
+            spread = -v @ (t @ (v[width:].T @ values))
+            spread[..., width:, :] += values
+            return np.asarray(precision * spread)
+        values = precision * values
+        inner = t.T @ (v.T @ values)
+        values = values[..., width:, :]
+        values -= v[width:] @ inner
+        return self._weighed(values)
+
+    def __rmatmul__(self, values: Floats) -> Floats:
+        """Y W of rows (..., q, k), or of one row (k,)."""
+        if values.ndim == 1:
+            return self.T @ values
+        return np.asarray(np.swapaxes(self.T @ np.swapaxes(values, -1, -2), -1, -2))
+
+    def _weighed(self, values: Floats) -> Floats:
+        """D d of columns (..., k, q)."""
+        return shrink(values, *self.shrunk) if self.shrunk else values
+
+
+# What reduces readings (n,) to data (k,): a few differences, or contrasts of all of them.
+Reduction = Floats | Contrasts
+
+
+@functools.lru_cache(maxsize=8)
+def zero_free(plan: Plan) -> Contrasts:
+    """Contrasts that no zero enters, of independent, equal noise, shape (n − setups, n).
+
+    Orthonormal where all readings are equally precise. Least squares on the contrasts is
+    generalised least squares on the readings with one unknown zero per set-up.
+    """
+    if plan is not plan.steps:
+        return zero_free(plan.steps)
+    zeros = plan.precision[:, None] * plan.zeros
+    return Contrasts(np.linalg.qr(zeros)[0], plan.precision)
+
+
+def without_zeros(plan: Plan, values: Floats) -> Floats:
+    """Values (..., n) less what gauge zeros can explain: the mean of their set-up."""
+    zeros, _ = np.linalg.qr(plan.zeros)
+    return np.asarray(values - (values @ zeros) @ zeros.T)
+
+
+# --- the problem ----------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class Problem(ReadOnly):
     """One estimation problem; many data sets may share it."""
@@ -92,14 +189,18 @@ class Problem(ReadOnly):
     matrix: Reduction  # R, shape (k, n)
     which: tuple[Difference, ...] = ()  # differences that its data are, if they are any
 
+    def only(self, rows: Bools) -> Problem:
+        """The same of some of its k differences."""
+        which = tuple(compress(self.which, rows))
+        return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
+
     def weighted(self, ratio: Floats) -> Problem:
         """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
 
         `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
         """
-        matrix, (axes, factors) = self.matrix, shrinking(ratio)
-        assert isinstance(matrix, Contrasts)
-        return replace(self, matrix=replace(matrix, axes=axes, factors=factors))
+        assert isinstance(self.matrix, Contrasts)
+        return replace(self, matrix=replace(self.matrix, shrunk=shrinking(ratio)))
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -349,9 +450,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
         return Problem(model, plan, zero_free(plan))
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.machine, plan.steps)
-    present = np.abs(matrix).sum(axis=1) > 0.0
-    kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
-    return Problem(model, plan, matrix[present], kept)
+    return Problem(model, plan, matrix, wanted).only(np.abs(matrix).sum(axis=1) > 0.0)
 
 
 def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:

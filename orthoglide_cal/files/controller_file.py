@@ -39,10 +39,9 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
-from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Corrections, Machine, Written, WrittenTable, WrittenValue
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Cause, Effect, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Reason
@@ -471,7 +470,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
 def _klipper(target: str, data: bytes) -> Klipper:
     """A printer.cfg."""
     printer = Settings(document_from_bytes(data, target))
-    printer.problems += printer.dropped[:1]
+    printer.problems += printer.dropped
     printer.check()
     heading = printer.heading or math.inf
     settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)

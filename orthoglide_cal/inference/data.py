@@ -29,17 +29,25 @@ from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import rms, shrink, unexplained, whiten
 from orthoglide_cal.estimation.solution import (
+    Contrasts,
     LeastSquaresFit,
+    Reduction,
     pose_plan,
     require_optimum,
     require_rank,
 )
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
-from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
-from orthoglide_cal.model.contrasts import Contrasts, Reduction
 from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate_absent
+from orthoglide_cal.model.model import (
+    PER_HOUR,
+    Cause,
+    Effect,
+    Model,
+    Place,
+    Stage,
+    differentiate_absent,
+)
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly, read_only
 
@@ -244,9 +252,9 @@ class Whitened(ReadOnly):
         if texture is None or not isinstance(self.matrix, Contrasts):
             return fit_offsets(problem, versions)
         general, factors = texture.whitened(self.machine.instrument.noise_mm)
-        axes, precision = texture.axes, general * self.matrix.precision
-        matrix = replace(self.matrix, precision=precision, axes=axes, factors=factors)
-        white = general * shrink(versions.T, axes, factors).T
+        shrunk, precision = (texture.axes, factors), general * self.matrix.precision
+        matrix = replace(self.matrix, precision=precision, shrunk=shrunk)
+        white = general * shrink(versions.T, *shrunk).T
         fit = fit_offsets(replace(problem, matrix=matrix), white)
         predicted, _ = problem.predict_with_jacobian(fit.offsets_mm, strict=False)
         return replace(fit, residuals_mm=versions - predicted)
@@ -254,7 +262,7 @@ class Whitened(ReadOnly):
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
         """Influences on the data in addition to noise, for offsets (..., 3) [mm]."""
         acting = influences(self.problem.model, offsets, self.plan)
-        return tuple(one.reduced(self.matrix) for one in acting)
+        return tuple(replace(one, columns=self.matrix @ one.columns) for one in acting)
 
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""

@@ -49,10 +49,9 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Place
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import NORMAL_K, Cause, Effect, Model, Place
 from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 

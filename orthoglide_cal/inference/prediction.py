@@ -25,10 +25,9 @@ from orthoglide_cal.estimation.gaussian import (
     whiten_shared,
 )
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
-from orthoglide_cal.estimation.solution import fit_offsets
+from orthoglide_cal.estimation.solution import fit_offsets, without_zeros
 from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined

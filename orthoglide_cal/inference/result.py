@@ -11,8 +11,7 @@ from pydantic import Field, computed_field
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.model.cause import CONFIDENCE, Estimate
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import CONFIDENCE, Estimate, Model
 from orthoglide_cal.model.plan import Floats, Plan, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 

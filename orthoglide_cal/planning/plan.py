@@ -53,10 +53,9 @@ from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.inference.prediction import expect, predict
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Place, Stage
 from orthoglide_cal.model.machine import Influence, Machine, Origin, Suspicion
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model, differentiate_absent
+from orthoglide_cal.model.model import NORMAL_K, Cause, Model, Place, Stage, differentiate_absent
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,

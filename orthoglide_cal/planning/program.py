@@ -22,9 +22,9 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import InputError, PostureError, UsageError, command
-from orthoglide_cal.files.faults import Content, nearest
-from orthoglide_cal.files.probe_readings import places_csv
+from orthoglide_cal.files.readings import places_csv
 from orthoglide_cal.files.text import FileText, csv_text, in_csv, read_document
+from orthoglide_cal.files.tree import Content, nearest
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly

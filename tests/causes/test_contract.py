@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.model import Cause, Stage
 from orthoglide_cal.report.sentences import cause_words
 from tests.machines import ROOT
 from tests.subjects import SUBJECTS, Subject, every_cause, every_subject

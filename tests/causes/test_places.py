@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause, Place
-from orthoglide_cal.model.contrasts import zero_free
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.estimation.solution import zero_free
+from orthoglide_cal.model.model import Cause, Model, Place, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan

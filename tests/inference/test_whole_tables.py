@@ -9,8 +9,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import OFFSETS_MM, Candidates, Whitened
-from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import DataKind, Readings
+from orthoglide_cal.model.model import Place
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.making import release
 from tests import truth

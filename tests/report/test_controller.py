@@ -14,7 +14,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.model import Effect
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
