@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from orthoglide_cal.files.input import Input
     from orthoglide_cal.files.machine_file import StoredMachine
-    from orthoglide_cal.files.probe_readings import PrinterFile
+    from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.model.model import Model
     from orthoglide_cal.report.case import Case

@@ -42,7 +42,7 @@ def diagnose(
     from orthoglide_cal.files.input import in_order, read_input, require_distinct, require_order
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
-    from orthoglide_cal.files.probe_readings import PrinterFile
+    from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.documents.answer import diagnosis_document
     from orthoglide_cal.results.making import with_dates

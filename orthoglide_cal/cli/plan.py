@@ -40,7 +40,7 @@ def plan(
     json: bool = common.JSON,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
-    from orthoglide_cal.files.probe_readings import places_csv
+    from orthoglide_cal.files.readings import places_csv
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
     from orthoglide_cal.planning.program import posture_program

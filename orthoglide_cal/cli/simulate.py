@@ -65,8 +65,8 @@ def simulate(
     """
     import numpy as np
 
-    from orthoglide_cal.files.probe_readings import probe_points_csv
     from orthoglide_cal.files.readings import (
+        probe_points_csv,
         readings_csv,
         session_json,
         session_of_readings,

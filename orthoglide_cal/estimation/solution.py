@@ -29,6 +29,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import compress
 from typing import NoReturn
 
 import numpy as np
@@ -61,7 +62,7 @@ from orthoglide_cal.model.measured import (
 )
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Numbers, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.schema import Reason, Schema
 
@@ -187,6 +188,11 @@ class Problem(ReadOnly):
     plan: Plan  # n readings
     matrix: Reduction  # R, shape (k, n)
     which: tuple[Difference, ...] = ()  # differences that its data are, if they are any
+
+    def only(self, rows: Bools) -> Problem:
+        """The same of some of its k differences."""
+        which = tuple(compress(self.which, rows))
+        return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
 
     def weighted(self, ratio: Floats) -> Problem:
         """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
@@ -444,9 +450,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
         return Problem(model, plan, zero_free(plan))
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.machine, plan.steps)
-    present = np.abs(matrix).sum(axis=1) > 0.0
-    kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
-    return Problem(model, plan, matrix[present], kept)
+    return Problem(model, plan, matrix, wanted).only(np.abs(matrix).sum(axis=1) > 0.0)
 
 
 def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:

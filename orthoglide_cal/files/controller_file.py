@@ -470,7 +470,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
 def _klipper(target: str, data: bytes) -> Klipper:
     """A printer.cfg."""
     printer = Settings(document_from_bytes(data, target))
-    printer.problems += printer.dropped[:1]
+    printer.problems += printer.dropped
     printer.check()
     heading = printer.heading or math.inf
     settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)

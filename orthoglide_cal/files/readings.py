@@ -32,16 +32,16 @@ from pydantic import (
     field_validator,
 )
 
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import machine_file
-from orthoglide_cal.files.faults import WORDS, Content, Place, Steps, unused
 from orthoglide_cal.files.text import FileText, csv_text, number_text
-from orthoglide_cal.files.yaml_tree import yaml_text
-from orthoglide_cal.model.machine import Machine, OwnGauge
+from orthoglide_cal.files.tree import WORDS, Content, Place, Steps, unused, yaml_text
+from orthoglide_cal.model.linear_delta import touching
+from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
-from orthoglide_cal.model.plan import Floats, Ints, known_plan
+from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
+from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
     Count,
@@ -519,7 +519,7 @@ class Rows(Generic[R]):
                     self.note(index, column, fault, "Fill it in every row or in none.")
 
 
-def times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
+def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
     """Indices from first to last; minutes; and whether they are times: no one time for all."""
     in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
     minutes = np.array([row.minutes or 0.0 for row in rows])
@@ -527,7 +527,7 @@ def times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
     return in_time, minutes, timed
 
 
-def check_order(rows: Rows[Timed]) -> None:
+def _check_order(rows: Rows[Timed]) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
     first: dict[int, int] = {}
     for index, row in rows.sound:
@@ -566,7 +566,7 @@ def readings_in(
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
-    check_order(rows)
+    _check_order(rows)
     _check_parts(rows)
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
@@ -583,7 +583,7 @@ def readings_of(
     The machine gives the postures.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    in_time, minutes, timed = times_of(rows)
+    in_time, minutes, timed = _times_of(rows)
     order = np.argsort(in_time)
     named = {posture.value: machine.displacement_mm(posture) for posture in Posture}
     gauge = tuple(row.gauge or "" for row in rows)
@@ -732,10 +732,67 @@ def _remarks(
             yield Reason.of("repeated_line", **again[0], count=len(again))
 
 
+# --- touches of a bed by a probe ----------------------------------------------------------------
+
+# A place farther out than so many radii of the bed is not on it.
+BEYOND = 1.2
+
+
+def _touches(table: Table, bed: Bed) -> Readings:
+    """The touches of a CSV. Raises InputError with everything that is wrong."""
+    away, high = 2.0 * bed.radius_mm, bed.highest_mm
+    longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
+    checking = Rows(table, ProbeRow, longest=longest)
+    checking.check_complete(("seq", "minutes"))
+    _check_order(checking)
+    for index, row in checking.sound:
+        apart = math.hypot(row.x_mm, row.y_mm)
+        if apart > BEYOND * bed.radius_mm:
+            fault = f"The place is {apart:.0f} mm from the middle of the bed."
+            remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
+            checking.note(index, "x_mm", fault, remedy)
+    rows, remarks = checking.checked(), [*checking.remarks]
+    in_time, minutes, timed = _times_of(rows)
+    if not timed and rows[0].minutes is not None:
+        remarks.append(Reason.of("equal_minutes"))
+    place = np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows])
+    surface = np.array([row.z_mm or 0.0 for row in rows])
+    return Readings(
+        touching(place, surface, np.argsort(in_time), minutes if timed else None),
+        place[:, 2] - surface,
+        np.array([checking.line(index) for index in range(len(rows))]),
+        timed,
+        checking.source,
+        cycle=np.array([row.cycle or 1 for row in rows]),
+        note=tuple(row.note or "" for row in rows),
+        remarks=tuple(remarks),
+    )
+
+
+def places_csv(plan: Plan) -> str:
+    """The touches of a plan as a file to be filled in: their places, and no reading yet."""
+    places = plan.spots[plan.touches].tolist()
+    rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
+    return csv_text(("x_mm", "y_mm", "z_mm", "reading_mm"), rows)
+
+
+def probe_points_csv(readings: Readings) -> str:
+    """Touches as a CSV that can be read again."""
+    plan, mark = readings.plan, ("simulated",) * readings.source.simulated
+    surface = [plan.entry(index)["surface_mm"] for index in range(len(plan))]
+    columns = (plan.order + 1, 60.0 * plan.hours, *plan.spots.T[:2], surface, readings.value)
+    rows = (
+        (f"{seq:g}", f"{minutes:.2f}", f"{x:g}", f"{y:g}", f"{z:g}", f"{value + z:.6f}")
+        for seq, minutes, x, y, z, value in np.column_stack(columns).tolist()
+    )
+    head = ("seq", "minutes", "x_mm", "y_mm", "z_mm", "reading_mm", *mark)
+    return csv_text(head, ((*row, *(YES for _ in mark)) for row in rows))
+
+
 # --- differences of readings, as the paper prints them --------------------------------------------
 
 
-def differences_from_table(table: Table, machine: Machine) -> Differences:
+def _differences(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
     rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
     remarks = [*rows.remarks]
@@ -772,6 +829,22 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             rows.note(index, "difference", fault, remedy)
         first.setdefault(name, rows.line(index))
     return kind
+
+
+def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
+    """Readings, touches or differences, by the header of a CSV. Raises InputError as they do."""
+    table = Table(document)
+    columns = set(table.columns)
+    probed = columns & {"x_mm", "y_mm"} and not columns & {"leg", "difference"}
+    try:
+        if probed:
+            return _touches(table, machine.bed)
+        gauged = Orthoglide.require(machine)
+    except UsageError as error:
+        fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
+        line = table.header_line
+        raise InputError(fault, error.remedy, file=document.path, line=line) from error
+    return (_differences if "difference" in columns else readings_in)(table, gauged)
 
 
 # --- sessions -----------------------------------------------------------------------------------
@@ -852,8 +925,10 @@ class Conditions(Circumstances):
         return (min(known) + max(known)) / 2.0 if known else None
 
 
-def conditions_in(readings: Readings) -> Conditions:
+def conditions_in(readings: Readings | Differences) -> Conditions:
     """Conditions that the readings alone state."""
+    if not isinstance(readings, Readings):
+        return Conditions()
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)

@@ -20,8 +20,8 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import InputError, PostureError
-from orthoglide_cal.files.faults import Content, nearest
 from orthoglide_cal.files.text import FileText, csv_text, in_csv
+from orthoglide_cal.files.tree import Content, nearest
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly

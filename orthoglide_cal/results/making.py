@@ -18,6 +18,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
@@ -55,6 +56,7 @@ from orthoglide_cal.results.answer import RETAKE, STEP_K, THEN, Release, Remedy,
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import entered_decimals
 
+EstimateT = TypeVar("EstimateT", bound=OffsetEstimate)
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
@@ -161,6 +163,7 @@ def answer_to(
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     else:
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
+    was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack = diagnosis.lack_of_fit
     lines, total = budget_lines(budget)
     workspace, std = None, budget.std_mm
@@ -195,7 +198,7 @@ def answer_to(
             dof=solution.dof,
         ),
         deviations=rows,
-        deviations_rms=_of_deviations(rows),
+        deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
         budget=lines,
         total=total,
         converged=solution.converged,
@@ -291,9 +294,10 @@ def _reservations(given: Input, gauges: Sequence[UsedGauge]) -> Iterator[Reason]
         yield Reason.of("not_recorded", missing=missing)
 
 
-def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ()) -> Solution:
-    """The solution as unsure as `more` and the temperature leave it."""
-    return replace(solution, budget=solution.budget.extended([*more, *_warmth(given)]))
+def widened(given: Input, known: EstimateT, more: Iterable[Contribution] = ()) -> EstimateT:
+    """The parameters as unsure as `more` and the temperature leave them."""
+    warm = warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
+    return replace(known, budget=known.budget.extended([*more, *warm]))
 
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
@@ -303,13 +307,9 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
         model = model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
-    budget = diagnosis.budget.extended([*taken, *_warmth(given)])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    return OffsetEstimate(model, diagnosis.offsets_mm, budget, noise)
-
-
-def _warmth(given: Input) -> tuple[Contribution, ...]:
-    return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
+    estimate = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, noise)
+    return widened(given, estimate, taken)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
@@ -380,14 +380,6 @@ def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
     """Every parameter with its U."""
     budget = known.budget
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
-
-
-def _of_deviations(rows: Sequence[PromisedDifference]) -> schema.Residue | None:
-    """r.m.s. of all of them together; None without any."""
-    if not rows:
-        return None
-    sizes = np.array([(row.measured_mm, row.expected_mm) for row in rows]).T
-    return schema.Residue(before_mm=rms(sizes[0]), after_mm=rms(sizes[1]))
 
 
 def _residuals(
