@@ -28,7 +28,6 @@ from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
     Solution,
-    exceeds_u,
     fit_parameters,
     promise,
     solve,
@@ -367,12 +366,12 @@ def _with_others(
 
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
-    """Deviations that offsets do not remove; None where nothing but noise is left."""
-    if not exceeds_u(promised):
+    """Deviations that offsets do not remove; None where U allows for all that is left."""
+    left, u = np.array([(row.expected_mm, row.expanded_mm) for row in promised]).reshape(-1, 2).T
+    if (left**2).sum() <= (u**2).sum():
         return None
-    left = rms(np.array([row.expected_mm for row in promised]))
     ids = [effect.cause.id for effect in model.remaining()]
-    return Reason.of("remains", ids=ids, left_mm=left)
+    return Reason.of("remains", ids=ids, left_mm=rms(left))
 
 
 def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
