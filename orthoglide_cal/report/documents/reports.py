@@ -419,10 +419,9 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
             yield remedy
         yield "Measure again, and compare again"
     elif outcome is Outcome.FAIL:
-        yield doc.step(
-            "The offsets are right, but a deviation is beyond the limit: find its cause",
-            command("diagnose", after, machine=machine_file),
-        )
+        typed = command("diagnose", after, machine=machine_file)
+        text = "The offsets are right, but a deviation is beyond the limit: find its cause"
+        yield doc.step(text, typed)
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
@@ -432,7 +431,7 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
             write = command("report", before, machine=machine_file, after=after, limit=limit)
             yield doc.step("Write the report, and keep it with the machine", write)
         elif outcome is not Outcome.UNDECIDED:
-            yield "Nothing more: keep this report with the machine."
+            yield f"Nothing more to do{': keep this report with the machine' * (not brief)}."
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
