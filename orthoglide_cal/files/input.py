@@ -212,9 +212,8 @@ def check_file(
     try:
         file = document_from_bytes(data, path)
         input = input.changed(sha256=file.sha256)
-        if _is_yaml(file, _format_of(file)) and machine_file.is_machine_file(
-            tree := load_tree(file)
-        ):
+        tree = load_tree(file) if _is_yaml(file, _format_of(file)) else None
+        if tree and machine_file.is_machine_file(tree):
             held = machine_file.machine_file_in(tree)
             machine, input = held.model.machine, input.changed(kind="machine")
             doubtful, remarks = bool(machine.instrument.implausible()), held.remarks
