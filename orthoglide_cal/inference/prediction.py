@@ -30,7 +30,7 @@ from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import Reason
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -185,7 +185,7 @@ def predict(
         if stay is None:
             set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
             return without_zeros(set_ups, values[new].T).T
-        zeros = joined(stay, plan).zeros
+        zeros = Plan.joined(stay, plan).zeros
         same = zeros[len(stay) :] @ zeros[: len(stay)].T
         mean = same / same.sum(axis=1, keepdims=True)
         noise = np.eye(len(mean)) + mean @ mean.T

@@ -62,7 +62,7 @@ from orthoglide_cal.model.orthoglide import (
     double_posture,
     visiting,
 )
-from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, joined
+from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.steps import (
@@ -846,7 +846,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         split = np.split(np.arange(then.means.shape[1]), [readings.stop])
         spreads = then.given(then.means[0, readings], *split).covariance
         variance = shares @ np.diagonal(spreads, axis1=1, axis2=2) + (1.0 - chance) * between
-        whole = option.plan if first is None else joined(first, option.plan)
+        whole = option.plan if first is None else Plan.joined(first, option.plan)
         variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
         expanded = NORMAL_K * np.sqrt(variance)
         measurement = option.changed(
@@ -950,4 +950,4 @@ def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[int
         parts.append(plan)
     order = np.concatenate([part.in_time.argsort() for part in parts])
     order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
-    return replace(joined(*parts), order=order), starts
+    return replace(Plan.joined(*parts), order=order), starts

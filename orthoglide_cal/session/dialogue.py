@@ -33,6 +33,7 @@ from orthoglide_cal.inference import NextMeasurement, diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.plan import rank_measurements
 from orthoglide_cal.planning.steps import (
@@ -52,7 +53,6 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import (
     Doubt,
     Event,
@@ -73,7 +73,14 @@ from orthoglide_cal.session.gauges import (
     Token,
     parse_typed,
 )
-from orthoglide_cal.session.readings import PriorReadings, ReadingsSoFar, Setting, count_words
+from orthoglide_cal.session.readings import (
+    PriorReadings,
+    Question,
+    ReadingsSoFar,
+    Setting,
+    check,
+    count_words,
+)
 from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed, value_text
 
 TYPED, VIRTUAL = "typed", "simulated"
@@ -1043,7 +1050,8 @@ def setting_in(journal: Journal, steps: tuple[SessionStep, ...] = ()) -> Setting
     if planned is None:
         steps = opened.session.steps(model.machine)
     elif not steps:
-        plan = planned.readings[0].planned(planned.readings)
+        cells: tuple[AnyCell, ...] = planned.readings
+        plan = cells[0].planned(cells)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
