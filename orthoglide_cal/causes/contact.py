@@ -7,7 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.causes.base import PatternCause, apart, series_places, there, words_of
+from orthoglide_cal.causes.base import PatternCause, series_places, there, words_of
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Cause, Effect, Place, Screw
@@ -93,7 +93,7 @@ class StandShift(PatternCause):
         That is one wrong reading: nothing that is read later can show that it was a knock.
         """
         (knocked,) = place
-        again = apart(plan, self.spoiled(place, plan))
+        again = self.spoiled(place, plan)
         will_show = bool(plan.standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
 

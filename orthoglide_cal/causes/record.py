@@ -1,27 +1,21 @@
 """Faults of the record."""
 
+import functools
+from abc import ABC, abstractmethod
 from copy import copy
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.causes.base import (
-    ExchangeCause,
-    PatternCause,
-    RelabelCause,
-    apart,
-    place_in,
-    series_places,
-    there,
-    words_of,
-)
+from orthoglide_cal.causes.base import PatternCause, place_in, series_places, there, words_of
 from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import EVERYWHERE, Place
+from orthoglide_cal.model.model import EVERYWHERE, Cause, Effect, Place
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Plan
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import GaugePlan
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
@@ -81,7 +75,7 @@ class GaugeSlip(PatternCause):
     record = PatternCause.added
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
-        return apart(plan, self.spoiled(place, plan))
+        return self.spoiled(place, plan)
 
     def millimetres(self, machine: Machine) -> float:
         return machine.instrument.turn_mm
@@ -94,6 +88,68 @@ class GaugeSlip(PatternCause):
 
     def onward(self, place: Place) -> bool:
         return place[1] == 1
+
+
+class RelabelCause(Cause):
+    """A cause without size: readings written down with another sign, label or unit."""
+
+    unit = ""
+    placed = True
+    sizes = MappingProxyType({Orthoglide: 1.0})
+
+    def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
+        index, sign = self.relabel(plan, effect.place)
+        return np.asarray(sign * readings[..., index] / self.unit_mm(effect.place))
+
+    def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
+        index, sign = self.relabel(plan, effect.place)
+        return np.asarray(sign * readings[..., index] * self.unit_mm(effect.place))
+
+
+class ExchangeCause(RelabelCause, ABC):
+    """Readings of one leg and direction were written under another, and the other way round.
+
+    Each reading is exchanged with the one of the same step of the other leg and direction, in the
+    same part. Where these do not pair up, the readings are looked at under another plan.
+    """
+
+    @abstractmethod
+    def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
+        """Leg and direction that each reading was of, shape (n,); its own inverse."""
+
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[Ints, Floats]:
+        unchanged, signs = super().relabel(plan, place)
+        index = _partners(self, plan.steps, place)
+        return unchanged if index is None else index, signs
+
+    def reversible(self, plan: GaugePlan, place: Place) -> bool:
+        return _partners(self, plan.steps, place) is not None
+
+    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
+        """Each reading under the leg and direction that was read, at the posture of that leg."""
+        leg, direction = self.really(plan, place)
+        return replace(plan, leg=leg, direction=direction)
+
+
+# Asked again and again of one plan while it is diagnosed.
+@functools.lru_cache(maxsize=64)
+def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray | None:
+    """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
+
+    def in_turn(leg: Ints, direction: Ints) -> tuple[Ints, Floats]:
+        """Indices of the readings by leg and direction, then in time; what partners agree in."""
+        rows = np.lexsort((plan.order, direction, leg, plan.part))
+        keys = plan.part, leg, direction, plan.displacement, plan.contact, *plan.state
+        return rows, np.stack(keys)[:, rows]
+
+    partners, written = in_turn(plan.leg, plan.direction)
+    rows, read = in_turn(*cause.really(plan, place))
+    index = np.empty_like(rows)
+    index[rows] = partners
+    # Readings that share a zero must do so after the exchange.
+    zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
+    changed = np.any(index != np.arange(len(plan)))
+    return index if changed and len(zeros) == plan.setups and np.all(written == read) else None
 
 
 class SignFlip(RelabelCause):

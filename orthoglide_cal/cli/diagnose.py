@@ -45,7 +45,6 @@ def diagnose(
     from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.documents.answer import diagnosis_document
-    from orthoglide_cal.results.making import with_dates
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -91,18 +90,14 @@ def diagnose(
                 sensitivity=full,
                 recalibrated=recalibrated,
             )
-        case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
-        dated = with_dates(case.answer, diagnosed, dates) if together and diagnosed else case.answer
-        case = replace(case, answer=dated, options=options)
+        known = {"holdout": holdout, "details": full, "dates": dates if together else ()}
+        case = replace(common.judged(given, diagnosed=diagnosed, **known), options=options)
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
-            extended = diagnosed.extend(accept, date.today())
-            if case.answer.simulated:  # what is accepted from it is no knowledge of a machine
-                extended = replace(extended, machine=extended.machine.changed(practice=True))
-            write_text(target, machine_text(extended))
+            write_text(target, machine_text(diagnosed.extend(accept, date.today())))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)

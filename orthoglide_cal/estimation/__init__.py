@@ -8,7 +8,6 @@ from orthoglide_cal.estimation.solution import (
     Problem,
     PromisedDifference,
     Solution,
-    exceeds_u,
     fit_offsets,
     fit_parameters,
     pose,

@@ -619,38 +619,29 @@ class Solution(OffsetEstimate):
         return chance_of_residual(sum_of_squares, self.scatter.dof, self.stated_mm)
 
     @cached_property
-    def _fit(self) -> tuple[float, Floats]:
-        """r.m.s. before, and what is predicted for each entry of the file.
-
-        Of readings about the model with fitted gauge zeros; else of the differences that the
-        method uses, as in Table 4.
-        """
+    def predicted_mm(self) -> Floats:
+        """For each entry of the file, with fitted gauge zeros, shape (count,) [mm]."""
         measured, model = self.measured, self.model
         if isinstance(measured, Differences):
             every, _ = pose(measured, model, measured.kind)
             order = [every.which.index(difference) for difference in measured.which]
-            return rms(self.data), read_only(every.predict(self.offsets_mm)[order])
-        plan, points = measured.plan, (0.0 * self.offsets_mm, self.offsets_mm)
-        simulated = np.stack([simulate_at(model, x, plan)[0] for x in points])
-        before, after = without_zeros(plan, measured.value - simulated)
-        # Of readings that are less precise than most, as much less counts.
-        return rms(plan.precision * before), read_only(measured.value - after)
-
-    @property
-    def predicted_mm(self) -> Floats:
-        """For each entry of the file, with fitted gauge zeros, shape (count,) [mm]."""
-        return self._fit[1]
+            return read_only(every.predict(self.offsets_mm)[order])
+        readings, _ = simulate_at(model, self.offsets_mm, measured.plan)
+        return read_only(measured.value - without_zeros(measured.plan, measured.value - readings))
 
     @property
     def rms_before_mm(self) -> float:
-        """Root mean square of the data with zero offsets."""
-        return self._fit[0]
+        """Root mean square with zero offsets: of differences themselves, as in Table 4."""
+        if isinstance(self.measured, Differences):
+            return rms(self.data)
+        return self.at(0.0 * self.offsets_mm).rms_after_mm
 
     @property
     def rms_after_mm(self) -> float:
         """Root mean square of the residuals."""
         if isinstance(self.measured, Differences):
             return rms(self.residuals_mm)
+        # Of readings that are less precise than most, as much less counts.
         return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
 
     def require_possible(self) -> None:
@@ -870,9 +861,3 @@ def promise(
         PromisedDifference(name=which.name, **dict(zip(names, row, strict=True)))
         for which, row in zip(problem.which, rows, strict=True)
     )
-
-
-def exceeds_u(promised: Sequence[PromisedDifference]) -> bool:
-    """Return whether more is left after the correction than its uncertainty allows for."""
-    left = sum(row.expected_mm**2 for row in promised)
-    return left > sum(row.expanded_mm**2 for row in promised)

@@ -430,8 +430,11 @@ class Diagnosis(Decision):
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
         (effect,) = (one for one in self.fit_of(best).effects if one.cause.id == id)
-        sha256 = self.measured.source.sha256
-        return self.model.accepting(effect.accepted(on.isoformat(), sha256))
+        source = self.measured.source
+        model = self.model.accepting(effect.accepted(on.isoformat(), source.sha256))
+        if source.simulated:  # what is accepted from it is no knowledge of a machine
+            return replace(model, machine=model.machine.changed(practice=True))
+        return model
 
     # --- patterns beyond the list, those that act together first ---
 

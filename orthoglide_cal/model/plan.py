@@ -153,11 +153,6 @@ class Plan(ABC):
         return np.full((len(self), 3), np.nan)
 
     @property
-    def as_found(self) -> Bools:
-        """Which are of the machine as it was found, nothing changed since, (n,); all by default."""
-        return np.ones(len(self), dtype=np.bool_)
-
-    @property
     def stood(self) -> Floats:
         """Offsets in force when each one's gauge was set up, (n, 3) [mm]; none by default."""
         return np.zeros((len(self), 3))

@@ -13,19 +13,23 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from itertools import compress, groupby
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
-from orthoglide_cal.errors import InputError, PostureError
-from orthoglide_cal.files.text import FileText, csv_text, in_csv
+from orthoglide_cal.errors import InputError, PostureError, UsageError, command
+from orthoglide_cal.files.readings import places_csv
+from orthoglide_cal.files.text import FileText, csv_text, in_csv, read_document
 from orthoglide_cal.files.tree import Content, nearest
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
+from orthoglide_cal.planning.plan import SessionForecast
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.schema import Positive, Schema, text_that
 from orthoglide_cal.words import counted, plain, short
@@ -39,6 +43,7 @@ _ROUNDING_MM = 1e-9
 _DECIMALS = 4
 # A comment ends at ")", a program at "%"; "#" and others make some controllers compute.
 _FOREIGN = re.compile(r"[^A-Za-z0-9 .,:+=<>'/_-]")
+_CSV, _GCODE = ".csv", (".nc", ".ngc", ".gcode", ".tap", ".cnc")
 _COMMENT_WIDTH = 76  # some controllers read no more than 80 characters of a line
 
 
@@ -223,8 +228,40 @@ def _template(document: FileText, program: PostureProgram) -> Template:
 # --- as text ----------------------------------------------------------------------------------
 
 
-def program_csv(program: PostureProgram) -> str:
-    """One row per block; lengths in mm, joints as the controller indicates them."""
+def chosen_program(
+    chosen: SessionForecast, target: Path, template: Path | None, machine: Path | None
+) -> tuple[str, int]:
+    """The text of a session's program, or of a layout's places; and how many blocks or places.
+
+    Arguments as of `program_text`; `machine` is the file for the command to measure with. Raises
+    UsageError: nothing of the kind can be written there; PostureError as `posture_program`.
+    """
+    session, model = chosen.session, chosen.model
+    ends = (_CSV, *_GCODE) if session else (_CSV,)
+    if str(target) != "-" and target.suffix.lower() not in ends:
+        for_gcode = f", in {_GCODE[0]} for G-code" if session else ""
+        fault = f"The name {target} does not say what to write."
+        raise UsageError(fault, f"End it in {_CSV} for a table{for_gcode}.")
+    if session is None:
+        if template:
+            raise UsageError("A printer's places are written as a table.", "Leave out --template.")
+        return places_csv(chosen.plan), len(chosen.plan)
+    typed = command("measure", machine=machine, options=session.options)
+    program = posture_program(model, session.steps(model.machine), typed)
+    return program_text(program, target, template), len(program.blocks)
+
+
+def program_text(program: PostureProgram, target: Path, template: Path | None) -> str:
+    """A program as CSV or G-code, by the end of the name; "-" is a table.
+
+    The table has one row per block; lengths in mm, joints as the controller indicates them. None is
+    the template of `orthocal template gcode`. Raises UsageError: a template without G-code.
+    """
+    if target.suffix.lower() in _GCODE:
+        path = template or files("orthoglide_cal.files") / "templates" / "gcode.nc"
+        return program_gcode(program, read_document(str(path)))
+    if template is not None:
+        raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
     rows = [block.row for block in program.blocks]
     return csv_text([*rows[0]], [[*row.values()] for row in rows])
 

@@ -36,8 +36,10 @@ from orthoglide_cal.words import (
 )
 
 _TEXTS = tomllib.loads(files("orthoglide_cal.report").joinpath("sentences.toml").read_text("utf-8"))
-# Source of uncertainty that is no cause → its name, and what would reduce it.
+# Source of uncertainty, or "cause" → its name, and what would reduce it.
 SOURCES: Mapping[str, Mapping[str, str]] = _TEXTS["sources"]
+# Method of a solution → how it solves.
+METHODS: Mapping[str, str] = _TEXTS["methods"]
 # How a machine responded → that in a sentence, and what to do where it is wrong.
 RESPONSES: Mapping[str, Mapping[str, str]] = _TEXTS["responses"]
 # Format of an export → where its lines go, and what they lack; what begins a comment there.

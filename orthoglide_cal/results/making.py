@@ -28,7 +28,6 @@ from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
     Solution,
-    exceeds_u,
     fit_parameters,
     promise,
     solve,
@@ -76,6 +75,7 @@ def answer_to(
     holdout: str | None = None,
     details: bool = False,
     corrects: Collection[str] = (),
+    dates: Sequence[Input] = (),
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
 
@@ -86,6 +86,7 @@ def answer_to(
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
         corrects: ids that the controller is to correct, too: those hold no release.
+        dates: of which the input is made, oldest first; each is given its parameters.
 
     Raises:
         UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
@@ -222,23 +223,19 @@ def answer_to(
         shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
+        inputs=tuple(map(schema.InputFile.of, dates)),
+        dates=tuple(_of_dates(diagnosis, dates)),
     )
 
 
-def with_dates(
-    answer: schema.Answer, diagnosis: Diagnosis, inputs: Sequence[Input]
-) -> schema.Answer:
-    """An answer to several dates as one measurement, with the parameters of each under what lasts.
-
-    `inputs` are the dates, oldest first.
-    """
-    lasting, dates = _lasting(diagnosis), []
+def _of_dates(diagnosis: Diagnosis, inputs: Iterable[Input]) -> Iterator[schema.OfDate]:
+    """The parameters of each date under what lasts."""
+    lasting = _lasting(diagnosis)
     for dated in inputs:
         machines = diagnosis.model.machine, dated.model.machine
         model = dated.model.extended(effect.transferred(*machines) for effect in lasting)
         parameters = parameters_of(widened(dated, solve(dated.measured, model)))
-        dates.append(schema.OfDate(path=dated.measured.source.path, parameters=parameters))
-    return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
+        yield schema.OfDate(path=dated.measured.source.path, parameters=parameters)
 
 
 def validity(given: Input) -> Validity:
@@ -369,12 +366,12 @@ def _with_others(
 
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
-    """Deviations that offsets do not remove; None where nothing but noise is left."""
-    if not exceeds_u(promised):
+    """Deviations that offsets do not remove; None where U allows for all that is left."""
+    left, u = np.array([(row.expected_mm, row.expanded_mm) for row in promised]).reshape(-1, 2).T
+    if (left**2).sum() <= (u**2).sum():
         return None
-    left = rms(np.array([row.expected_mm for row in promised]))
     ids = [effect.cause.id for effect in model.remaining()]
-    return Reason.of("remains", ids=ids, left_mm=left)
+    return Reason.of("remains", ids=ids, left_mm=rms(left))
 
 
 def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:

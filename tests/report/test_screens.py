@@ -18,7 +18,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document
 from orthoglide_cal.report.documents.plan import plan_document
-from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.results.answer import RETAKE, Remedy
 from orthoglide_cal.results.making import answer_to
 from tests import truth

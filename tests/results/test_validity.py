@@ -11,7 +11,7 @@ from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.model.machine import Details, OwnGauge
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
 from orthoglide_cal.results.answer import identify

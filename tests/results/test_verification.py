@@ -17,7 +17,7 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Estimate, Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.readings import Posture
-from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.results.verification import Behaviour, _respond, shared_differences, verify

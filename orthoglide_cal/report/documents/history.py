@@ -132,7 +132,7 @@ def _notice(history: History) -> doc.Notice:
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
-    return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
+    return sizes_words(size.changed(name=f"{size.name}{by}") for size in kept)
 
 
 def _in_a_month(history: History) -> list[Estimate]:
