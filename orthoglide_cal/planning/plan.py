@@ -47,13 +47,14 @@ from orthoglide_cal.estimation.gaussian import (
 )
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
 from orthoglide_cal.estimation.solution import require_rank, without_zeros
-from orthoglide_cal.inference import Diagnosis, NextMeasurement
 from orthoglide_cal.inference.data import UNSEEN, Candidates, Ids, Placed, Whitened
 from orthoglide_cal.inference.decision import keep_ratio
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.inference.prediction import Expected, expect
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import Influence, Machine, Origin, Suspicion
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import NORMAL_K, Cause, Model, Place, Stage, differentiate_absent
