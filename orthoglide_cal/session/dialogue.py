@@ -53,7 +53,6 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import (
     Doubt,
     Event,
@@ -74,7 +73,14 @@ from orthoglide_cal.session.gauges import (
     Token,
     parse_typed,
 )
-from orthoglide_cal.session.readings import PriorReadings, ReadingsSoFar, Setting, count_words
+from orthoglide_cal.session.readings import (
+    PriorReadings,
+    Question,
+    ReadingsSoFar,
+    Setting,
+    check,
+    count_words,
+)
 from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed, value_text
 
 TYPED, VIRTUAL = "typed", "simulated"

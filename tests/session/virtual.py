@@ -16,7 +16,6 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, Order, SessionStep
 from orthoglide_cal.session.asking import Asker, Line, Show, Style
-from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.dialogue import Dialogue, Quit, Request
 from orthoglide_cal.session.events import (
     Answered,
@@ -39,7 +38,7 @@ from orthoglide_cal.session.events import (
     replay,
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import Question, ReadingsSoFar, Setting, check
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
 
