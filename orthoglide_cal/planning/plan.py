@@ -64,7 +64,7 @@ from orthoglide_cal.model.orthoglide import (
     double_posture,
     visiting,
 )
-from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, joined
+from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.steps import (
@@ -848,7 +848,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         split = np.split(np.arange(then.means.shape[1]), [readings.stop])
         spreads = then.given(then.means[0, readings], *split).covariance
         variance = shares @ np.diagonal(spreads, axis1=1, axis2=2) + (1.0 - chance) * between
-        whole = option.plan if first is None else joined(first, option.plan)
+        whole = option.plan if first is None else Plan.joined(first, option.plan)
         variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
         expanded = NORMAL_K * np.sqrt(variance)
         measurement = option.changed(
@@ -958,7 +958,7 @@ def _combined(
         if stay is None:
             set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
             return without_zeros(set_ups, values[new].T).T
-        zeros = joined(stay, plan).zeros
+        zeros = Plan.joined(stay, plan).zeros
         same = zeros[len(stay) :] @ zeros[: len(stay)].T
         mean = same / same.sum(axis=1, keepdims=True)
         noise = np.eye(len(mean)) + mean @ mean.T
@@ -1003,4 +1003,4 @@ def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[sli
         parts.append(plan)
     order = np.concatenate([part.in_time.argsort() for part in parts])
     order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
-    return replace(joined(*parts), order=order), spans
+    return replace(Plan.joined(*parts), order=order), spans

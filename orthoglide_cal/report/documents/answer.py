@@ -29,13 +29,7 @@ from orthoglide_cal.report.case import (
     sizes_words,
 )
 from orthoglide_cal.report.figures import brief_residuals, differences_figure, residual_blocks
-from orthoglide_cal.report.sentences import (
-    METHODS,
-    SOURCES,
-    cause_words,
-    label_words,
-    pattern_name,
-)
+from orthoglide_cal.report.sentences import METHODS, SOURCES, cause_words, label_words, pattern_name
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import RETAKE, Answer
 from orthoglide_cal.results.application import recording
