@@ -7,7 +7,7 @@ import numpy as np
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Cause, Effect, Place
 from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Numbers, Patterns
-from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
+from orthoglide_cal.model.readings import AXES, GaugePlan, Series
 
 
 class PatternCause(Cause):
@@ -89,4 +89,4 @@ def there(plan: GaugePlan, place: Place, width: int = 2) -> Bools:
 def words_of(plan: GaugePlan, place: Place, width: int = 2) -> str:
     """Such a place for people: "leg x, direction y"; with the part where the plan has several."""
     where = Series(*place[:2]).words if width == 2 else f"leg {AXES[place[0]]}"
-    return where + part_words(plan, _part(place, width))
+    return where + plan.part_words(_part(place, width))

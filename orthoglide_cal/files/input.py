@@ -180,11 +180,21 @@ def read_input(
     not text.
     """
     document = source if isinstance(source, FileText) else read_document(source)
-    if _is_yaml(document):
-        return Input(*session_from_tree(load_tree(document), _as_model(model)))
-    if format := _format_of(document):
-        return _printer(_firmware_file(document, format, model, otherwise), model, stored)
-    return _table(document, _as_model(model), otherwise)
+    format, known = _format_of(document), model
+    if isinstance(known, PrinterFile):
+        known = Model(known.on_bed(known.machine.delta_radius_mm).machine)
+    if _is_yaml(document, format):
+        return Input(*session_from_tree(load_tree(document), known))
+    if format:
+        return _printer(_firmware_file(document, format, model, otherwise), known, stored)
+    # A table says nothing of the controller: where offsets from it were entered, the machine file
+    # tells what was active before; else what is active now.
+    judge = known or otherwise()
+    entered = judge.machine.entered_from(document.sha256)
+    if entered and entered.before:
+        judge = judge.holding(entered.active[0], entered.corrected_before)
+    measured = measured_in(document, judge.machine)
+    return Input(measured, judge, conditions_in(measured))
 
 
 def check_file(
@@ -202,7 +212,8 @@ def check_file(
     try:
         file = document_from_bytes(data, path)
         input = input.changed(sha256=file.sha256)
-        if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
+        tree = load_tree(file) if _is_yaml(file, _format_of(file)) else None
+        if tree and machine_file.is_machine_file(tree):
             held = machine_file.machine_file_in(tree)
             machine, input = held.model.machine, input.changed(kind="machine")
             doubtful, remarks = bool(machine.instrument.implausible()), held.remarks
@@ -433,9 +444,8 @@ def _format_of(document: FileText) -> _Format | None:
     return next((format for format in _FORMATS if format.mark.search(document.text)), None)
 
 
-def _is_yaml(document: FileText) -> bool:
+def _is_yaml(document: FileText, format: _Format | None) -> bool:
     """True if the first line that says anything is YAML; the name decides what it leaves open."""
-    format = _format_of(document)
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return format is None or format.settings is not None
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
@@ -444,29 +454,12 @@ def _is_yaml(document: FileText) -> bool:
     return format is None and _YAML.match(first) is not None
 
 
-def _table(document: FileText, model: Model | None, otherwise: Callable[[], Model]) -> Input:
-    """A table says nothing of the controller: where offsets from it were entered, the machine
-    file tells what was active before; else what is active now."""
-    judge = model or otherwise()
-    entered = judge.machine.entered_from(document.sha256)
-    if entered and entered.before:
-        judge = judge.holding(entered.active[0], entered.corrected_before)
-    measured = measured_in(document, judge.machine)
-    return Input(measured, judge, conditions_in(measured))
-
-
 def printer_settings(path: Path) -> PrinterFile | None:
     """Settings in a firmware's file; None for a file of another kind. Raises InputError."""
     document = read_document(str(path))
     format = _format_of(document)
     read = format and (format.settings or format.read)
     return read(document) if read else None
-
-
-def _as_model(known: Known | None) -> Model | None:
-    if not isinstance(known, PrinterFile):
-        return known
-    return Model(known.on_bed(known.machine.delta_radius_mm).machine)
 
 
 def _firmware_file(
@@ -509,7 +502,7 @@ def _delta(model: Model, path: str, refused: InputError | None = None) -> Linear
     return LinearDelta.require(model.machine, refused or UsageError(fault, remedy))
 
 
-def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
+def _printer(file: PrinterFile, known: Model | None, stored: str | None) -> Input:
     """Measurements that a printer's file stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
@@ -518,7 +511,7 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     for readings in reversed(file.data.values()):
         widest = float(np.hypot(*readings.plan.spots.T[:2]).max())
         file = file.on_bed(widest or file.machine.delta_radius_mm)
-    model = _as_model(known) or Model(file.machine)
+    model = known or Model(file.machine)
     machine, remarks = file.known_as(_delta(model, file.source.path))
     model = replace(model, machine=machine)
 

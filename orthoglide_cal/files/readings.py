@@ -51,6 +51,7 @@ from orthoglide_cal.schema import (
     Schema,
     Version,
     parse_number,
+    text_that,
     whole_number,
     yaml_number,
 )
@@ -118,32 +119,22 @@ def _entered(value: object, info: ValidationInfo) -> object:
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
-# Field → what may stand there, in letters of any size; the fault of anything else, the remedy.
-_CHOICES: Mapping[str | None, tuple[Sequence[str], str, str]] = {
-    "leg": (AXES, "This is not an axis.", _AXIS),
-    "direction": (AXES, "This is not an axis.", _AXIS),
-    "end": (("joint", "tool"), "This is not an end of the leg.", "Write joint or tool."),
-    "bar": (
-        (TURNED,),
-        "This does not say how the bar was.",
-        f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
-    ),
-    "simulated": (
-        (YES,),
-        "This does not say whether it was simulated.",
-        f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
-    ),
-}
-
-
-def _choice(text: str, info: ValidationInfo) -> str:
-    known, fault, remedy = _CHOICES[info.field_name]
-    if text.lower() not in known:
-        raise InputError(fault, remedy)
-    return text.lower()
-
-
-Choice = Annotated[str, AfterValidator(_choice)]
+_LOWER = AfterValidator(str.lower)
+Axis = Annotated[str, _LOWER, text_that(AXES.__contains__, "This is not an axis.", _AXIS)]
+_END = text_that(
+    ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
+)
+_TURNED = text_that(
+    TURNED.__eq__,
+    "This does not say how the bar was.",
+    f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
+)
+_SIMULATED = text_that(
+    YES.__eq__,
+    "This does not say whether it was simulated.",
+    f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
+)
+Mark = Annotated[str, _LOWER, _SIMULATED]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
@@ -172,11 +163,11 @@ class Row(Schema):
 class ReadingRow(Row):
     """A gauge reading; None where nothing is said."""
 
-    leg: Choice  # whose carriage is displaced
+    leg: Axis  # whose carriage is displaced
     # iso, max, min of that leg, or its displacement from the isotropic posture [mm].
     posture: Annotated[str, AfterValidator(_posture)]
-    direction: Choice  # along which the gauge measures
-    end: Choice | None = None  # of the leg, that is touched in the single-posture protocol
+    direction: Axis  # along which the gauge measures
+    end: Annotated[str, _LOWER, _END] | None = None  # of the leg, in the single-posture protocol
     cycle: Count | None = None  # repeat, from 1
     # None for a step that was left out.
     reading_mm: Length | None = Field(
@@ -191,11 +182,11 @@ class ReadingRow(Row):
     # Where it stood along the leg, from the carriage joint (0) to the tool (1).
     gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
     part: Count | None = None  # of the measurement, from 1
-    bar: Choice | None = None  # "turned" where the touched bar was turned half round
+    bar: Annotated[str, _LOWER, _TURNED] | None = None  # whether the touched one was turned
     # In the controller since the first reading, x, y, z [mm].
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
-    simulated: Choice | None = None  # "yes" where no machine was measured
+    simulated: Mark | None = None  # "yes" where no machine was measured
     timestamp: Moment | None = None
     reason: str | None = None  # why it was replaced or left out
 
@@ -239,7 +230,7 @@ class ProbeRow(Row):
     cycle: Count | None = None
     minutes: Minutes | None = None
     note: str | None = None
-    simulated: Choice | None = None
+    simulated: Mark | None = None
 
     needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
@@ -251,19 +242,16 @@ KIND_WORDS = {
     DataKind.TWELVE: "relative to the isotropic posture",
     DataKind.SINGLE: "tool end − joint end",
 }
-_NAMED = {difference.name for known in DIFFERENCES.values() for difference in known}
+_BY_NAME = {kind: {one.name: one for one in known} for kind, known in DIFFERENCES.items()}
 DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
-    "; ".join(
-        f"{kind} ({KIND_WORDS[kind]}): {', '.join(difference.name for difference in known)}"
-        for kind, known in DIFFERENCES.items()
-    )
+    "; ".join(f"{kind} ({KIND_WORDS[kind]}): {', '.join(_BY_NAME[kind])}" for kind in _BY_NAME)
 )
 
 
 def _difference_name(text: str) -> str:
     """The canonical name; the leading d may be missing, or a delta."""
     name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
-    if name not in _NAMED:
+    if not any(name in known for known in _BY_NAME.values()):
         raise InputError("This is not the name of a difference.", DIFFERENCE_NAMES)
     return name
 
@@ -273,7 +261,7 @@ class DifferenceRow(Row):
 
     difference: Annotated[str, AfterValidator(_difference_name)]
     value_mm: Length
-    simulated: Choice | None = None
+    simulated: Mark | None = None
 
     noun = "difference"
     needed: ClassVar[Mapping[str, str]] = {
@@ -798,10 +786,10 @@ def _differences(table: Table, machine: Machine) -> Differences:
     remarks = [*rows.remarks]
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
-    known = {difference.name: difference for difference in DIFFERENCES[kind]}
+    known = _BY_NAME[kind]
     if missing := [name for name in known if name not in values]:
         remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
-    if kind is DataKind.TWELVE and values.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
+    if kind is DataKind.TWELVE and values.keys() <= _BY_NAME[DataKind.SINGLE].keys():
         remarks.append(Reason.of("taken_as_twelve"))
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
@@ -811,15 +799,14 @@ def _differences(table: Table, machine: Machine) -> Differences:
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
-    known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
     names = {index: row.difference for index, row in rows.sound}
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)
-    kind = max(order, key=lambda kind: sum(name in known[kind] for name in names.values()))
+    kind = max(order, key=lambda kind: sum(name in _BY_NAME[kind] for name in names.values()))
     first: dict[str, int] = {}
     for index, name in names.items():
-        if name not in known[kind]:
+        if name not in _BY_NAME[kind]:
             others = f"{kind} ({KIND_WORDS[kind]})"
             fault = f"The name is of another kind than the others, which are {others}."
             rows.note(index, "difference", fault, f"Give one kind in one file. {DIFFERENCE_NAMES}")

@@ -39,15 +39,7 @@ from orthoglide_cal.estimation.solution import (
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import (
-    PER_HOUR,
-    Cause,
-    Effect,
-    Model,
-    Place,
-    Stage,
-    differentiate_absent,
-)
+from orthoglide_cal.model.model import Cause, Effect, Model, Place, Stage, differentiate_absent
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly, read_only
 
@@ -183,7 +175,7 @@ class Whitened(ReadOnly):
         zero = np.zeros(len(problem.matrix))
         white = cls(problem, zero, None, True, np.arange(len(plan)), texture=texture)
         # Rates of change as plausible as before, on a clock that was only assumed.
-        rates = (cause for cause in CAUSES.values() if cause.unit == PER_HOUR)
+        rates = (cause for cause in CAUSES.values() if cause.is_rate)
         return white if timed else white.scaled(UNKNOWN_PACE, rates)
 
     def __len__(self) -> int:
@@ -207,7 +199,7 @@ class Whitened(ReadOnly):
         problem = whenever = self.problem
         if self.raw:
             whenever = pose_plan(self.plan.steps, problem.model, DataKind.READINGS)
-        return [places_of(problem if e.unit == PER_HOUR else whenever, e) for e in extras]
+        return [places_of(problem if e.is_rate else whenever, e) for e in extras]
 
     def scaled(self, factor: float, causes: Iterable[Cause]) -> Whitened:
         """The same with the plausible sizes of these causes multiplied."""

@@ -79,9 +79,6 @@ class Screw(NamedTuple):
     about_foot: bool = False  # a rail turns where it meets the bed's plane
 
 
-PER_HOUR = "mm/h"  # unit of rates
-
-
 class Cause:
     """Base of all causes; overrides exactly one of geometry, motion, contact and record."""
 
@@ -172,6 +169,11 @@ class Cause:
     def repeats(self) -> bool:
         """True if readings that differ in nothing but set-up and time stay equal under it."""
         return self.lasting and not self.timed
+
+    @property
+    def is_rate(self) -> bool:
+        """True if its parameters are rates: what it does grows with time."""
+        return self.unit.endswith("/h")
 
     @property
     def unknowns(self) -> int:

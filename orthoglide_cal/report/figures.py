@@ -17,7 +17,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.inference.result import FoundCause, FoundPattern
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import DataKind
-from orthoglide_cal.model.model import PER_HOUR, Estimate
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
@@ -859,7 +859,7 @@ def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure |
         key = "The rails where they really are, the gaps enlarged. "
         key += "Arrows: move the mount there." * bool(shims)
         panel = rails_sketch({size.name: size.value for size in sizes}, shims)
-    elif drawn and CAUSES[id].unit != PER_HOUR and not _on_bed(case):
+    elif drawn and not CAUSES[id].is_rate and not _on_bed(case):
         key = "Dashed: as it should be. Solid: as it is, enlarged."
         panel = parameter_sketch(id, drawn)
     else:

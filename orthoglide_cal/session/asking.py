@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol, TextIO
 from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
-from orthoglide_cal.system import SYSTEM
+from orthoglide_cal.system import Terminal, terminal
 from orthoglide_cal.words import counted, wrapped
 
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
@@ -56,7 +56,7 @@ class Keyboard:
 
     def __init__(self, output: TextIO) -> None:
         self._output = output
-        self._terminal: SYSTEM.Terminal | None = None
+        self._terminal: Terminal | None = None
         self._pipe: SimpleQueue[str] | None = None
         self._lines: deque[Line | None] = deque()  # None: the end of input
         self._typed = ""
@@ -112,9 +112,9 @@ class Keyboard:
             raise EOFError
         return line
 
-    def _screen(self) -> SYSTEM.Terminal:
+    def _screen(self) -> Terminal:
         if self._terminal is None:
-            self._terminal = SYSTEM.Terminal(sys.stdin.fileno())
+            self._terminal = terminal(sys.stdin.fileno())
         return self._terminal
 
     def _edit(self, keys: str, shown: bool) -> None:

@@ -29,10 +29,12 @@ from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import implausible_temperatures, session_text
 from orthoglide_cal.files.text import free_path, read_document, write_text
-from orthoglide_cal.inference import NextMeasurement, diagnose
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.plan import rank_measurements
 from orthoglide_cal.planning.steps import (
@@ -1044,7 +1046,8 @@ def setting_in(journal: Journal, steps: tuple[SessionStep, ...] = ()) -> Setting
     if planned is None:
         steps = opened.session.steps(model.machine)
     elif not steps:
-        plan = planned.readings[0].planned(planned.readings)
+        cells: tuple[AnyCell, ...] = planned.readings
+        plan = cells[0].planned(cells)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):

@@ -36,7 +36,7 @@ from orthoglide_cal.planning.steps import (
     Order,
 )
 from orthoglide_cal.schema import Schema, text_that
-from orthoglide_cal.system import SYSTEM
+from orthoglide_cal.system import lock
 
 
 class Doubt(StrEnum):
@@ -404,7 +404,7 @@ class Journal:
                 file=str(path),
             ) from error
         try:  # the system releases it when the process ends, however
-            SYSTEM.lock(file.fileno())
+            lock(file.fileno())
         except OSError as error:
             raise UsageError(
                 f"{path} is in use by another session that is still running.",

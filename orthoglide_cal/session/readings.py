@@ -40,7 +40,7 @@ from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
-from orthoglide_cal.model.model import PER_HOUR, Model, differentiate, simulate
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import double_posture, plan_of, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture
@@ -398,7 +398,7 @@ def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mix
     """
     machine, causes = model.machine, CAUSES.values()
     zero = np.zeros(len(machine.parameter_names))
-    drift = math.hypot(*(cause.size(machine) for cause in causes if cause.unit == PER_HOUR))
+    drift = math.hypot(*(cause.size(machine) for cause in causes if cause.is_rate))
     settling = math.hypot(*(cause.size(machine) for cause in causes if cause.settles))
     _, slopes = differentiate(Model(machine), zero, plan)
     known, first = fresh == 0, _first_visits(plan)

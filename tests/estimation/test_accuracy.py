@@ -15,11 +15,11 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.gaussian import scatter_of_repeats, unexplained
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.plan import joined
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series
 from tests.estimation.sessions import (
     OFFSETS,
@@ -91,7 +91,7 @@ def test_a_distance_scatters_by_as_much_more_as_it_is_less_precise() -> None:
     """Six distances twice, each pair 2 d apart, at a weight w: its σ is √2·w·d with w·d known."""
     weights, first = np.linspace(0.2, 0.7, 6), np.column_stack((np.arange(6), np.zeros((6, 2))))
     once = printed(first, first + 50.0)
-    plan = replace(joined(once, once), precision=np.tile(weights, 2))
+    plan = replace(Plan.joined(once, once), precision=np.tile(weights, 2))
     apart = 0.03 / weights
     found = scatter_of_repeats(plan, 50.0 + np.concatenate((apart, -apart)))
     assert (found.sigma_mm, found.dof) == (pytest.approx(0.03 * 2.0**0.5), 6)
