@@ -9,7 +9,7 @@ from itertools import zip_longest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.inference import Parameter, Verdict
+from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.model import Cause, Estimate

@@ -13,8 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
-from orthoglide_cal.inference import Parameter, Verdict, nothing_wrong
-from orthoglide_cal.inference.result import Explanation
+from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
 from orthoglide_cal.model.model import Estimate, Stage

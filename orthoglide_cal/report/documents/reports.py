@@ -16,7 +16,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.inference import Parameter, Verdict
+from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.readings import AXES
