@@ -790,7 +790,7 @@ def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
     sizes = {model: [signed(mm, 4) for mm in values.tolist()] for model, values in left.items()}
     if not readings:
         single = case.answer.input.kind == DataKind.SINGLE
-        caption = f"Behind measured: what each model leaves. {comparison_words(single)[1]}"
+        caption = f"Last columns: residuals of each model. {comparison_words(single)[1]}"
         return doc.Grid.of({**columns, **sizes}, caption=caption)
     model = [*left][-1]  # a long list has room for one of them
     columns[f"left, {model}"] = sizes[model]
