@@ -14,8 +14,7 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import chance_of_residual
-from orthoglide_cal.estimation.gaussian import probabilities
+from orthoglide_cal.estimation.gaussian import chance_of_residual, probabilities
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     FALSE_RELEASE,
@@ -33,7 +32,7 @@ from orthoglide_cal.inference.fit import MISFIT, Fit
 from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
 from orthoglide_cal.inference.patterns import PASSING, fits_of
 from orthoglide_cal.inference.result import Verdict
-from orthoglide_cal.model.cause import NORMAL_K, Stage
+from orthoglide_cal.model.model import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
 

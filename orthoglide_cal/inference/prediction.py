@@ -15,17 +15,22 @@ import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
+from orthoglide_cal.estimation.gaussian import (
+    Mixture,
+    rms,
+    root_of,
+    unexplained,
+    whiten,
+    whiten_shared,
+)
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
-from orthoglide_cal.estimation.methods import fit_offsets
+from orthoglide_cal.estimation.solution import fit_offsets, without_zeros
 from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import Reason
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -180,7 +185,7 @@ def predict(
         if stay is None:
             set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
             return without_zeros(set_ups, values[new].T).T
-        zeros = joined(stay, plan).zeros
+        zeros = Plan.joined(stay, plan).zeros
         same = zeros[len(stay) :] @ zeros[: len(stay)].T
         mean = same / same.sum(axis=1, keepdims=True)
         noise = np.eye(len(mean)) + mean @ mean.T

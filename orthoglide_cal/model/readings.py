@@ -212,11 +212,6 @@ class GaugePlan(Plan):
         return bool(np.all(self.contact == Contact.FIXED))
 
 
-def part_words(plan: Plan, part: int) -> str:
-    """Which part of a plan, where it has several: ", part 2"."""
-    return f", part {part + 1}" if plan.parts > 1 else ""
-
-
 def number_setups(
     places: Sequence[Hashable], gauges: Sequence[str], in_time: Sequence[int], *, ordered: bool
 ) -> Ints:

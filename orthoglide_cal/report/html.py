@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from importlib.resources import files
 
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import Html, join, tag
+from orthoglide_cal.report.document import Html, join, tag
 
 _COLUMNS = {0: "half", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title

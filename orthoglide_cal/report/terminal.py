@@ -31,7 +31,7 @@ _GAP = "  "
 # A number keeps its name and unit on its line: their blank is none while lines are broken.
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
-# What a page is made of, as it may give way.
+# Parts of a page that may give way.
 Spare = list[str] | list[int] | list[doc.Block] | list[doc.Line] | list[list[doc.Block]]
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import rank_measurements
+from orthoglide_cal.planning.plan import rank_measurements
 from tests.inference.sessions import known
 from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT

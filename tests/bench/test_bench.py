@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.inference import Verdict, diagnose
-from orthoglide_cal.planning import best_next
+from orthoglide_cal.planning.plan import best_next
 from tests.inference.sessions import known
 from tests.truth import (
     CAUSES,

@@ -19,7 +19,7 @@ from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.model.orthoglide import JointOffsets
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests.cli.program import DOUBLE, SAMPLES, SIX, UNDETERMINED, answer, lines, run
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg

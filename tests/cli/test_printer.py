@@ -17,6 +17,7 @@ import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import read_machine_file
+from orthoglide_cal.report.sentences import cause_words
 from tests.cli.program import (
     answer,
     done,
@@ -261,8 +262,7 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
     machine = read_machine_file("v400.yaml").model.machine
     for cause in CAUSES.values():
         if type(machine) in cause.sizes:
-            there = cause.words(machine)
-            text = " ".join((there.title, there.instrument, there.advice, there.no_setting))
+            text = " ".join(cause_words(cause.id, machine).values())
             assert not foreign.search(text), text
     for said in (
         *(page(verb, "belt.csv", *MACHINE) for verb in ("solve", "diagnose")),

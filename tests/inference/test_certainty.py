@@ -15,9 +15,8 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import HeldOut, leave_out, left_out
-from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Model, Place
 from tests import truth
 from tests.inference.sessions import given, ids, known
 from tests.inference.test_printers import quartic

@@ -23,7 +23,7 @@ from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SIX, answer, lines, once, run, words
 from tests.cli.program import written_in as written

@@ -20,9 +20,9 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning import best_next
+from orthoglide_cal.planning.plan import best_next
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import answer_to, with_dates
+from orthoglide_cal.results.making import answer_to
 from tests.inference.sessions import given, ids
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import true_values
@@ -160,7 +160,7 @@ def test_dates_together_share_one_shape_and_have_their_own_parameters() -> None:
     found = diagnose(joint.measured, joint.model)
     assert {"bed_shape", "backlash"} <= {c.id for c in found.causes} | set(found.ambiguous_with)
     assert found.lack_of_fit.dof == 61 + 73 - 12
-    answer = with_dates(answer_to(joint, diagnosed=found), found, inputs)
+    answer = answer_to(joint, diagnosed=found, dates=inputs)
     assert [each.readings for each in answer.inputs] == [61, 73]
     for session, each in zip(sessions, answer.dates, strict=True):
         true = true_values(session.machine, session.truth)

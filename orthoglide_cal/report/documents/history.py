@@ -9,15 +9,14 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from orthoglide_cal.errors import command
-from orthoglide_cal.inference.trends import Trend
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import LARGEST_OFFSET, sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results.history import History
+from orthoglide_cal.results.history import History, Trend
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     capitalized,
@@ -133,7 +132,7 @@ def _notice(history: History) -> doc.Notice:
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
-    return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
+    return sizes_words(size.changed(name=f"{size.name}{by}") for size in kept)
 
 
 def _in_a_month(history: History) -> list[Estimate]:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check, Input
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.files.yaml_tree import yaml_text
+from orthoglide_cal.files.tree import yaml_text
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Application, Correction
+from orthoglide_cal.results.application import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
 from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures
 
