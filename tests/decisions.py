@@ -67,7 +67,7 @@ def replace(name: str, repeated: Callable[..., Any], *modules: str) -> None:
 DIAGNOSE = module_of("inference.diagnose")
 diagnose_anew = DIAGNOSE.diagnose
 # Before others take it from there.
-replace("diagnose", once(DIAGNOSE.diagnose), "inference")
+replace("diagnose", once(DIAGNOSE.diagnose), "inference.diagnose")
 replace("decided", once(DIAGNOSE.decided), "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
 for name in ("scaled", "settled"):

@@ -36,7 +36,6 @@ def diagnose(
     json: bool = common.JSON,
 ) -> int:
     """Find what is wrong besides the offsets, and what to do about it."""
-    from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.estimation import free_arms
     from orthoglide_cal.files.input import in_order, read_input, require_distinct, require_order
@@ -44,6 +43,7 @@ def diagnose(
     from orthoglide_cal.files.machine_file import machine_text
     from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.files.text import write_text
+    from orthoglide_cal.inference.diagnose import diagnose as diagnosis_of
     from orthoglide_cal.report.documents.answer import diagnosis_document
 
     if together and len(files) < 2:
@@ -81,7 +81,7 @@ def diagnose(
         # Without a diagnosis the answer is that of solve.
         diagnosed, needless = None, () if later or accept else (UnusableResultError,)
         with common.working(path), suppress(*needless):
-            diagnosed = inference.diagnose(
+            diagnosed = diagnosis_of(
                 given.measured,
                 given.model,
                 holdout=later.measured if later else None,

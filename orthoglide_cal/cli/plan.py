@@ -31,7 +31,7 @@ def plan(
     json: bool = common.JSON,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
-    from orthoglide_cal.inference import diagnose
+    from orthoglide_cal.inference.diagnose import diagnose
     from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
     from orthoglide_cal.planning.program import chosen_program
     from orthoglide_cal.planning.steps import GuidedSession, require_on_bar

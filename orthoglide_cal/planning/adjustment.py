@@ -17,8 +17,9 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
-from orthoglide_cal.inference import Diagnosis, Verdict
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.prediction import expect
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.measured import Readings

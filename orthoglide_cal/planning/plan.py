@@ -42,17 +42,19 @@ from orthoglide_cal.estimation.gaussian import (
     Scatter,
     condition,
     unexplained,
+    whiten,
     whiten_shared,
 )
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
-from orthoglide_cal.estimation.solution import require_rank
-from orthoglide_cal.inference import Diagnosis, NextMeasurement
-from orthoglide_cal.inference.data import Candidates, Ids, Placed, Whitened
+from orthoglide_cal.estimation.solution import require_rank, without_zeros
+from orthoglide_cal.inference.data import UNSEEN, Candidates, Ids, Placed, Whitened
 from orthoglide_cal.inference.decision import keep_ratio
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.hypothesis import pattern_density
-from orthoglide_cal.inference.prediction import expect, predict
+from orthoglide_cal.inference.prediction import Expected, expect
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import Influence, Machine, Origin, Suspicion
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import NORMAL_K, Cause, Model, Place, Stage, differentiate_absent
@@ -927,27 +929,78 @@ def predictions(
     predicted: dict[int, Mixture] = {}
     for continues in {option.continues for option in choice}:
         plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}
-        plan, starts = _together(first, [*plans.values()])
+        plan, spans = _together(first, [*plans.values()])
         stay = first if continues else None
         expected = [expect(fit, model, plan, stay) for _, fit in weighted]
-        for (k, new), start in zip(plans.items(), starts, strict=True):
-            predicted[k] = predict(weighted, expected, start, new, stay)
+        for (k, new), span in zip(plans.items(), spans, strict=True):
+            predicted[k] = _combined(weighted, expected, span, new, stay)
     return [predicted[k] for k in range(len(choice))]
 
 
-def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[int]]:
-    """One plan of the first readings and all new ones, and where each of these begins in it.
+def _combined(
+    weighted: Sequence[tuple[float, Fit]],
+    expected: Sequence[Expected],
+    new: slice,
+    plan: Plan,
+    stay: Plan | None,
+) -> Mixture:
+    """Combinations of new readings, `plan`, and the parameters behind them.
+
+    No new gauge zero enters them, and their noise is independent of that of the first readings: in
+    a new set-up deviations from its mean, in one that goes on from the mean of what was read there.
+    Of these only the few in which the explanations can differ count. `expected` holds the readings
+    of the plan at `new`.
+    """
+    fits = [fit for _, fit in weighted]
+
+    def free(values: Floats) -> Floats:
+        """Values (n, c) in combinations without zeros, with unit noise, shape (m, c)."""
+        if stay is None:
+            set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
+            return without_zeros(set_ups, values[new].T).T
+        zeros = Plan.joined(stay, plan).zeros
+        same = zeros[len(stay) :] @ zeros[: len(stay)].T
+        mean = same / same.sum(axis=1, keepdims=True)
+        noise = np.eye(len(mean)) + mean @ mean.T
+        return whiten(noise, values[new] - mean @ values[: len(stay)])[0]
+
+    means = free(np.column_stack([mean for mean, _, _ in expected]))
+    roots = [free(root) for _, _, root in expected]
+    columns = np.hstack((means[:, 1:] - means[:, :1], *roots))
+    # An orthonormal basis of the directions that exceed the noise, shape (m, r).
+    m, c = columns.shape
+    size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)
+    kept = size2 > (UNSEEN * min(fit.sigma for fit in fits)) ** 2
+    basis = vectors[:, kept] if m <= c else columns @ (vectors[:, kept] / np.sqrt(size2[kept]))
+    noise = np.repeat((1.0, 0.0), (basis.shape[1], fits[0].offsets.size))
+    both = [
+        np.vstack((basis.T @ spread, root[len(mean) :]))
+        for spread, (mean, _, root) in zip(roots, expected, strict=True)
+    ]
+    return Mixture(
+        np.hstack(((basis.T @ means).T, np.stack([fit.offsets for fit in fits])))[..., None],
+        np.stack([
+            root @ root.T + fit.sigma**2 * np.diag(noise)
+            for root, fit in zip(both, fits, strict=True)
+        ]),
+        np.log([[share] for share, _ in weighted]),
+    )  # fmt: skip
+
+
+def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[slice]]:
+    """One plan of the first readings and all new ones, and the rows of each of these in it.
 
     Every plan comes behind the first readings' last travel, as if there were no other: the
     carriages reach it from where they would.
     """
     parts = [] if first is None else [first]
-    starts = []
+    spans = []
     for plan in plans:
         if first is not None:
             parts.append(first.subset(first.last_travel))
-        starts.append(sum(map(len, parts)))
+        start = sum(map(len, parts))
+        spans.append(slice(start, start + len(plan)))
         parts.append(plan)
     order = np.concatenate([part.in_time.argsort() for part in parts])
     order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
-    return replace(Plan.joined(*parts), order=order), starts
+    return replace(Plan.joined(*parts), order=order), spans

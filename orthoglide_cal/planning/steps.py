@@ -7,7 +7,7 @@ accuracy.
 import functools
 from collections import Counter
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -165,10 +165,10 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
             setup, place, zeros = setup + 1, here, {}
         zeros[direction] = zero_of[i]
         stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
-        visit = (setup, leg, posture, seen[planned], planned.entered)
-        if not steps or visit != steps[-1].visit:
+        step = SessionStep(number, planned, posture, seen[planned], stand, setup, block)
+        if not steps or step.visit != steps[-1].visit:
             block += 10
-        steps.append(SessionStep(number, planned, posture, seen[planned], stand, setup, block))
+        steps.append(replace(step, block=block))
     return tuple(steps)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from orthoglide_cal.inference import FoundPattern
+from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (

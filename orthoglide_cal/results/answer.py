@@ -17,7 +17,8 @@ from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.files.readings import GaugeIdentity
-from orthoglide_cal.inference import (
+from orthoglide_cal.inference.data import Ids
+from orthoglide_cal.inference.result import (
     AssumedSize,
     Baselines,
     Explanation,
@@ -31,7 +32,6 @@ from orthoglide_cal.inference import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.schema import Reason, Schema, Sentence
 

@@ -34,7 +34,7 @@ from orthoglide_cal.files.machine_file import (
 )
 from orthoglide_cal.files.moonraker import server
 from orthoglide_cal.files.text import check_writable, write_text
-from orthoglide_cal.inference import Verdict
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.machine import Corrections, Entered, Written, WrittenTable
 from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Estimate, Model

@@ -43,13 +43,13 @@ from orthoglide_cal.estimation.losses import (
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
-from orthoglide_cal.inference.diagnose import decided
+from orthoglide_cal.inference.diagnose import Diagnosis, decided
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Cause, Estimate, Model
 from orthoglide_cal.model.plan import Floats, ReadOnly

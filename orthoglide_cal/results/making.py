@@ -37,13 +37,12 @@ from orthoglide_cal.estimation.gaussian import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.estimation.solution import SUSPICIOUS, require_settings
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.inference import (
-    Diagnosis,
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
+from orthoglide_cal.inference.result import (
     FoundCause,
     NextMeasurement,
     Parameter,
     Verdict,
-    diagnose,
     nothing_wrong,
 )
 from orthoglide_cal.model.machine import OwnGauge

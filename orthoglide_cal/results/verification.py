@@ -47,8 +47,9 @@ from orthoglide_cal.estimation.losses import (
 from orthoglide_cal.estimation.solution import SUSPICIOUS, table_kind
 from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
-from orthoglide_cal.inference import Parameter, diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.inference.result import Parameter
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model

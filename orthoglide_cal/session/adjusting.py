@@ -18,7 +18,7 @@ from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, c
 from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.inference import Diagnosis, diagnose
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import AnyCell

@@ -29,7 +29,8 @@ from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import implausible_temperatures, session_text
 from orthoglide_cal.files.text import free_path, read_document, write_text
-from orthoglide_cal.inference import NextMeasurement, diagnose
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of

@@ -12,9 +12,10 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import HeldOut, leave_out, left_out
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, Place
 from tests import truth

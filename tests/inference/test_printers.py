@@ -13,11 +13,12 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import Input, read_input, together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import best_next

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.inference import Diagnosis, data, diagnose
+from orthoglide_cal.inference import data
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import score_all
 from orthoglide_cal.model.model import Place

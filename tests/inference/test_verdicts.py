@@ -15,10 +15,11 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.patterns import PLANNED
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction

@@ -7,8 +7,9 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import OFFSETS_MM, Candidates, Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.model import Place
 from orthoglide_cal.model.plan import Floats

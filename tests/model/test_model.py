@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import fit_offsets, solve
 from orthoglide_cal.estimation.gaussian import half_width
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Effect, Place, simulate, synthetic_session

@@ -7,8 +7,9 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.inference.result import NextMeasurement, Verdict
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture

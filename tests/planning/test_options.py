@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orthoglide_cal.inference import NextMeasurement
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import (
     MARGIN,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.plan import (
     MeasurementPlan,

@@ -12,7 +12,8 @@ from rich.cells import cell_len
 
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
-from orthoglide_cal.inference import Verdict, diagnose
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case

@@ -16,7 +16,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning.adjustment import choose_adjustments
 from orthoglide_cal.results.history import Trend, compare
