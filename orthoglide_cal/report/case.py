@@ -40,8 +40,6 @@ _DATA: Mapping[str, tuple[str, str]] = {
 # Reasons that make a result worthless if they are overlooked: they stand first.
 INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 LARGEST_OFFSET = 10.0  # beyond it a length or an angle is no offset
-_TAKING_METHODS = ("solve", "report", "export")
-_DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,10 +105,10 @@ class Case:
         if verb == "diagnose" and self.source.earlier:
             paths = [*self.source.earlier, *paths]
             given.append("--together")
-        if self.method is not None and verb in _TAKING_METHODS:
+        if self.method is not None and verb in ("solve", "report", "export"):
             given.append(f"--method {self.method}")
         given += filter(None, options)
-        if verb in _DIAGNOSING:
+        if verb in ("solve", "diagnose", "report", "export", "apply"):
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         paths += filter(None, [other])
         named = self.options if verb == "diagnose" else {}

@@ -32,9 +32,7 @@ from orthoglide_cal.session.dialogue import (
     TYPED,
     VIRTUAL,
     Dialogue,
-    place_words,
     serial_gauge,
-    set_up,
     setting_in,
     time_of_day,
 )
@@ -215,7 +213,7 @@ class AdjustingDialogue(Dialogue):
         self._introduce(step, phase, one)
         noun = self.setting.machine.vocabulary.noise  # the instrument that is read
         if phase in _ASKED:
-            above = place_words(step, self.setting)
+            above = self._place(step)
             now = f"{_ASKED[phase].format(noun.capitalize())} [mm]{asker.hint}"
         else:
             above, now = _lines(one, noun)
@@ -239,7 +237,7 @@ class AdjustingDialogue(Dialogue):
             if step.cell.words:
                 rule, text = f"-- {plan.name} ".ljust(asker.keyboard.columns - 2, "-"), PROBED
             else:
-                rule, text = set_up(self.setting, step.setup, begun, asker.keyboard.columns)
+                rule, text = self._set_up(step.setup, begun)
                 text = BEGUN if begun else text
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
@@ -251,7 +249,7 @@ class AdjustingDialogue(Dialogue):
         if phase is Phase.HERE:
             asker.say("Switch the drives on; home, if the controller asks for it.", Style.TITLE)
         if not (drives_off and begun) or (new and plan.homed):
-            asker.say(place_words(step, self.setting))
+            asker.say(self._place(step))
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:
             while not self._agrees(asked):

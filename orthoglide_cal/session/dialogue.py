@@ -297,6 +297,100 @@ class Dialogue:
             words = " ".join(f"{axis} {signed(value, 3)}" for axis, value in offsets)
             self.asker.show(f"True offsets: {words} mm")
 
+    # ---- the words that lead through it, in plain characters
+
+    def _set_up(self, setup: int, begun: bool) -> tuple[str, str]:
+        """Heading of a gauge set-up, and its instructions.
+
+        Once it is `begun`, readings were taken in it: the stands must stay where they are.
+        """
+        setting, columns = self.setting, self.asker.keyboard.columns
+        here = [step for step in setting.steps if step.setup == setup]
+        planned, following = here[0].cell, setting.following
+        leg, contact = AXES[planned.leg].upper(), planned.contact
+        directions = sorted({step.direction for step in here})
+        names = [AXES[direction].upper() for direction in directions]
+        s = "s" if len(directions) > 1 else ""
+        last = max(step.setup for step in setting.steps)
+        heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
+        right = f" steps {here[0].number}-{here[-1].number}"
+        rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
+        if contact is not Contact.FIXED:
+            words = [
+                "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
+                f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
+                "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
+            ]
+        elif following and following.continues and not begun and setup == 1:
+            path = visible(following.data.path)
+            words = [
+                "Do not touch the stands: they must be where they were for the last reading",
+                f"of {path}. If one was touched since: q, and measure anew.",
+            ]
+        elif begun:
+            words = [
+                "The stands are in place: do not touch them. If one was moved anyway,",
+                "just continue: the next reading will be questioned; then answer m.",
+            ]
+        else:
+            words = []
+            rows = setting.first.rows if setting.first else []
+            bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
+            if planned.turned:
+                sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
+                words = [
+                    f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
+                    f"   turn it half round its own axis (what faced {sides} then faces away),"
+                    " tighten.",
+                ]
+            elif bars and bars[-1]:
+                words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
+            half = "half-way: " if planned.gauge_at == 0.5 else ""
+            place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
+            moved = [step.cell.displacement for step in here]
+            # A gauge on the + side reads more when the leg is pushed towards +.
+            places = ", ".join(f"{name} on the +{name} side" for name in names)
+            words += [
+                "1. Drive to the isotropic posture: each leg lies along its own axis.",
+                f"   Put the stand{s} on the base, not on a moving part.",
+                f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
+                f"3. Gauge {places}: leg pushed to + must read more.",
+                f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
+                " Then touch no stand.",
+            ]
+        return rule, "\n".join(words)
+
+    def _step_line(self, step: SessionStep) -> str:
+        """Place of step n of N, and the time that is left."""
+        setting, minutes = self.setting, clock(self.so_far.left)[-1]
+        # The isotropic posture once more than the others closes a set-up.
+        repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
+        here = repeats[step.cell]
+        moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
+        closes = step.cell.displacement == 0.0 and here == max(moved, default=here) + 1
+        when = f"cycle {step.cycle} of {here - closes}"
+        if closes and step.cycle == here:
+            when = "closing"
+        short = "".join(
+            f", carriage {axis.upper()} {abs(mm):g} mm {'short' if mm > 0.0 else 'too far'}"
+            for axis, mm in zip(AXES, setting.short_mm(step).tolist(), strict=True)
+            if mm
+        )
+        return (
+            f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
+            f" {posture_name(step)}{short}, {when}. {duration(minutes)} left."
+        )
+
+    def _place(self, step: SessionStep) -> str:
+        """Point to drive to, in words: its joints, and its tool; either is the same posture."""
+        if step.cell.words:
+            return step.cell.words
+        joints, tool = self.setting.point(step)
+        return (
+            f"Drive to  joints   {by_axis(joints, '.3f', '   ')}  mm\n"
+            f"          tool     {by_axis(tool.round(6) + 0.0, '.3f', '   ')}  mm"
+        )
+
     # ---- what is asked
 
     def _ask_for(self, step: SessionStep) -> None:
@@ -304,19 +398,16 @@ class Dialogue:
 
         A new set-up is shown whole; of another visit of the machine its place.
         """
-        asker, setting = self.asker, self.setting
-        new = step.visit != self._shown
-        place = place_words(step, setting)
+        asker, place, new = self.asker, self._place(step), step.visit != self._shown
         if new:
             gap = "\n"
             if step.setup != self._shown[0]:  # a visit's first entry
                 begun = step.setup in {s.setup for s in self.so_far.steps}
-                rule, text = set_up(setting, step.setup, begun, asker.keyboard.columns)
+                rule, text = self._set_up(step.setup, begun)
                 asker.say(f"\n{rule}", Style.TITLE)
                 asker.say(text)
                 gap = ""
-            left = clock(self.so_far.left)[-1]
-            asker.say(f"{gap}{step_line(step, setting, left)}", Style.TITLE)
+            asker.say(f"{gap}{self._step_line(step)}", Style.TITLE)
         if asker.pushed:  # also by the line of a new step
             asker.say(place)
         if new:
@@ -670,102 +761,6 @@ def _are(readings: int) -> str:
 def _clean(text: str) -> str:
     """Words as they may be stored and shown."""
     return visible(text)[:200].strip()
-
-
-# ---- the words that lead through it, in plain characters
-
-
-def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str, str]:
-    """Heading of a gauge set-up, and its instructions.
-
-    Once it is `begun`, readings were taken in it: the stands must stay where they are.
-    """
-    here = [step for step in setting.steps if step.setup == setup]
-    planned, following = here[0].cell, setting.following
-    leg, contact = AXES[planned.leg].upper(), planned.contact
-    directions = sorted({step.direction for step in here})
-    names = [AXES[direction].upper() for direction in directions]
-    s = "s" if len(directions) > 1 else ""
-    last = max(step.setup for step in setting.steps)
-    heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
-    right = f" steps {here[0].number}-{here[-1].number}"
-    rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
-    if contact is not Contact.FIXED:
-        words = [
-            "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
-            f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
-            "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
-        ]
-    elif following and following.continues and not begun and setup == 1:
-        path = visible(following.data.path)
-        words = [
-            "Do not touch the stands: they must be where they were for the last reading",
-            f"of {path}. If one was touched since: q, and measure anew.",
-        ]
-    elif begun:
-        words = [
-            "The stands are in place: do not touch them. If one was moved anyway,",
-            "just continue: the next reading will be questioned; then answer m.",
-        ]
-    else:
-        words = []
-        rows = setting.first.rows if setting.first else []
-        bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
-        if planned.turned:
-            sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
-            words = [
-                f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
-                f"   turn it half round its own axis (what faced {sides} then faces away),"
-                " tighten.",
-            ]
-        elif bars and bars[-1]:
-            words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
-        half = "half-way: " if planned.gauge_at == 0.5 else ""
-        place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
-        moved = [step.cell.displacement for step in here]
-        # A gauge on the + side reads more when the leg is pushed towards +.
-        places = ", ".join(f"{name} on the +{name} side" for name in names)
-        words += [
-            "1. Drive to the isotropic posture: each leg lies along its own axis.",
-            f"   Put the stand{s} on the base, not on a moving part.",
-            f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
-            f"3. Gauge {places}: leg pushed to + must read more.",
-            f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
-            " Then touch no stand.",
-        ]
-    return rule, "\n".join(words)
-
-
-def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
-    """Place of step n of N; `minutes` are those left."""
-    # The isotropic posture once more than the others closes a set-up.
-    repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
-    here = repeats[step.cell]
-    moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
-    closes = step.cell.displacement == 0.0 and here == max(moved, default=here) + 1
-    when = f"cycle {step.cycle} of {here - closes}"
-    if closes and step.cycle == here:
-        when = "closing"
-    short = "".join(
-        f", carriage {axis.upper()} {abs(mm):g} mm {'short' if mm > 0.0 else 'too far'}"
-        for axis, mm in zip(AXES, setting.short_mm(step).tolist(), strict=True)
-        if mm
-    )
-    return (
-        f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
-        f" {posture_name(step)}{short}, {when}. {duration(minutes)} left."
-    )
-
-
-def place_words(step: SessionStep, setting: Setting) -> str:
-    """Point to drive to, in words: its joints, and its tool; either is the same posture."""
-    if step.cell.words:
-        return step.cell.words
-    joints, tool = setting.point(step)
-    return (
-        f"Drive to  joints   {by_axis(joints, '.3f', '   ')}  mm\n"
-        f"          tool     {by_axis(tool.round(6) + 0.0, '.3f', '   ')}  mm"
-    )
 
 
 def by_axis(values: Iterable[float], form: str, gap: str = "  ") -> str:

@@ -204,7 +204,8 @@ def evidence(case: Case) -> Iterator[doc.Section]:
         *map(doc.small, (*_notes(case), *_assumptions(case))),
     )
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
-    yield from budget_sections(case.machine, answer.budget, answer.total)
+    if answer.total is not None:
+        yield budget_section(case.machine, answer.budget, answer.total)
 
 
 # --- the decision -----------------------------------------------------------------------------
@@ -514,12 +515,10 @@ def _largest_words(case: Case) -> str:
     return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
-def budget_sections(
-    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal | None
-) -> Iterator[doc.Section]:
-    """Each source with its size, and what it adds to each parameter; nothing without a result."""
-    if total is None:
-        return
+def budget_section(
+    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal
+) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter."""
     unit = machine.common_unit
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
@@ -538,7 +537,7 @@ def budget_sections(
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
-    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
+    return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:

@@ -25,7 +25,7 @@ from orthoglide_cal.planning.plan import (
 from orthoglide_cal.planning.steps import GIVES_UP, MOST_CYCLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
+from orthoglide_cal.report.documents.answer import budget_section, decision_notice, source_words
 from orthoglide_cal.report.sentences import cause_words, sentence
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import counted, listed, percent, two_figures, unit_words
@@ -101,7 +101,7 @@ def plan_document(
         if plan.compare and plan.design:
             typed = _command(plan.design, machine_file, begun)
             sections += [_ways(plan), _design(plan.design, typed)]
-        sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
+        sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
             simulated=plan.simulated,

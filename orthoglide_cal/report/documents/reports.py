@@ -288,46 +288,46 @@ def verification_document(result: Verification, identity: Identity) -> doc.Docum
         values = result.model_dump(mode="json", context=_says(result))
         return {**values, "number": identity.number, "issued": issued}
 
-    return doc.Document(data, partial(_page, result, identity), partial(_screen, result))
+    def screen() -> doc.Page:
+        parameters = f"Left: {sizes_words(result.after.parameters)}."
+        before, after = map(input_words, result.inputs)
+        both = f"{before} before and after" if before == after else f"{before} and {after}"
+        notice = replace(_verification_notice(result), aside=f"{result.machine}, {both}")
+        # Their title says what the notice above does.
+        figure = _left_figure(result)
+        differences = [*figure.plain[1:]] if figure else []
+        steps = _verification_steps(result, brief=True)
+        last = doc.next_steps(steps, "More: the same with --details")
+
+        def made() -> doc.Page:
+            sections = doc.Section(None, *differences), doc.Section(None, parameters), last
+            simulated = result.simulated
+            return doc.Page("Verification", simulated=simulated, notice=notice, sections=sections)
+
+        return fitting(made, differences)
+
+    def page() -> doc.Page:
+        frame = _signed_page(
+            "Verification report", result.inputs[1].model.machine, identity, result
+        )
+        return replace(
+            frame,
+            title=result.machine,
+            notice=_verification_notice(result),
+            sheet=(_parameters_left(result), _differences_left(result), *frame.sheet),
+            sections=(
+                doc.Section("How the machine responded", *_response(result)),
+                doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
+            ),
+            signatures=("Measured by", "Checked by"),
+        )
+
+    return doc.Document(data, page, screen)
 
 
 def _says(result: Verification) -> Callable[[Reason], str]:
     """Composes the sentence for a reason, in the words of the machine."""
     return partial(sentence, machine=result.inputs[1].model.machine)
-
-
-def _screen(result: Verification) -> doc.Page:
-    parameters = f"Left: {sizes_words(result.after.parameters)}."
-    before, after = map(input_words, result.inputs)
-    both = f"{before} before and after" if before == after else f"{before} and {after}"
-    notice = replace(_verification_notice(result), aside=f"{result.machine}, {both}")
-    # Their title says what the notice above does.
-    figure = _left_figure(result)
-    differences = [*figure.plain[1:]] if figure else []
-    steps = _verification_steps(result, brief=True)
-    last = doc.next_steps(steps, "More: the same with --details")
-
-    def page() -> doc.Page:
-        sections = doc.Section(None, *differences), doc.Section(None, parameters), last
-        simulated = result.simulated
-        return doc.Page("Verification", simulated=simulated, notice=notice, sections=sections)
-
-    return fitting(page, differences)
-
-
-def _page(result: Verification, identity: Identity) -> doc.Page:
-    page = _signed_page("Verification report", result.inputs[1].model.machine, identity, result)
-    return replace(
-        page,
-        title=result.machine,
-        notice=_verification_notice(result),
-        sheet=(_parameters_left(result), _differences_left(result), *page.sheet),
-        sections=(
-            doc.Section("How the machine responded", *_response(result)),
-            doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
-        ),
-        signatures=("Measured by", "Checked by"),
-    )
 
 
 def _verification_notice(result: Verification) -> doc.Notice:
@@ -419,10 +419,9 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
             yield remedy
         yield "Measure again, and compare again"
     elif outcome is Outcome.FAIL:
-        yield doc.step(
-            "The offsets are right, but a deviation is beyond the limit: find its cause",
-            command("diagnose", after, machine=machine_file),
-        )
+        typed = command("diagnose", after, machine=machine_file)
+        text = "The offsets are right, but a deviation is beyond the limit: find its cause"
+        yield doc.step(text, typed)
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
@@ -432,7 +431,7 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
             write = command("report", before, machine=machine_file, after=after, limit=limit)
             yield doc.step("Write the report, and keep it with the machine", write)
         elif outcome is not Outcome.UNDECIDED:
-            yield "Nothing more: keep this report with the machine."
+            yield f"Nothing more to do{': keep this report with the machine' * (not brief)}."
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
