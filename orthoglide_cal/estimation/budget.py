@@ -15,17 +15,31 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, computed_field
+from scipy.special import stdtrit
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.gaussian import Scatter, half_width, root_of
+from orthoglide_cal.estimation.gaussian import root_of
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
-from orthoglide_cal.model.model import Model, differentiate_absent, simulate
+from orthoglide_cal.model.model import CONFIDENCE, Model, differentiate_absent, simulate
 from orthoglide_cal.model.plan import Floats, Plan, read_only
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
 # What adds less than this share of every standard deviation is summed up in one line.
 MINOR = 0.1
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """A standard deviation of one reading [mm] and its (effective) degrees of freedom."""
+
+    sigma_mm: float
+    dof: float
+
+
+def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
+    """Student-t factor of a two-sided interval; the normal one for infinite dof."""
+    return float(stdtrit(dof, 0.5 + confidence / 2.0))
 
 
 class Contribution(Schema):

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from scipy.special import chdtrc, erfc, stdtrit
+from scipy.special import erfc
 
-from orthoglide_cal.model.model import CONFIDENCE
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly, read_only
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -236,44 +235,3 @@ class Mixture(ReadOnly):
         """Chance of each value being at least as far off as in (m, q), shape (m, q)."""
         far = np.abs(values - self.means) / self.std_by_explanation
         return np.asarray((np.exp(self.log_weight)[:, None] * erfc(far / 2.0**0.5)).sum(axis=0))
-
-
-# --- what is left, and how sure that is -----------------------------------------------------------
-
-
-def rms(values: Floats) -> float:
-    """Root mean square, in the unit of the values."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-@dataclass(frozen=True)
-class Scatter:
-    """A standard deviation of one reading [mm] and its (effective) degrees of freedom."""
-
-    sigma_mm: float
-    dof: float
-
-
-def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
-    """σ from readings (n,) [mm] that repeat each other exactly; None without repeats.
-
-    They share a gauge set-up, or a spot of the bed, so this may understate the real scatter.
-    """
-    cell = plan.repeats
-    count = np.bincount(cell)
-    dof = int(len(plan) - count.size)
-    if dof == 0:
-        return None
-    mean = np.bincount(cell, weights=values) / count
-    apart = plan.precision * (values - mean[cell])
-    return Scatter(float(np.sqrt((apart**2).sum() / dof)), float(dof))
-
-
-def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
-    """Student-t factor of a two-sided interval; the normal one for infinite dof."""
-    return float(stdtrit(dof, 0.5 + confidence / 2.0))
-
-
-def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> float:
-    """Chance that noise of σ alone leaves a larger sum of squares (χ² test); 1 without dof."""
-    return float(chdtrc(dof, sum_of_squares / sigma_mm**2)) if dof > 0 else 1.0

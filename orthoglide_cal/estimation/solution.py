@@ -34,21 +34,19 @@ from typing import NoReturn
 
 import numpy as np
 from pydantic import Field
+from scipy.special import chdtrc
 
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
-from orthoglide_cal.estimation.gaussian import (
+from orthoglide_cal.estimation.budget import (
+    Budget,
     Scatter,
-    chance_of_residual,
+    budget_of,
+    fixed_influences,
     half_width,
-    rms,
-    shrink,
-    shrinking,
-    unexplained,
-    whiten,
-    whiten_shared,
+    influences,
 )
+from orthoglide_cal.estimation.gaussian import shrink, shrinking, unexplained, whiten, whiten_shared
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import (
@@ -581,6 +579,31 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
 
 
 # --- the solution ---------------------------------------------------------------------------------
+
+
+def rms(values: Floats) -> float:
+    """Root mean square, in the unit of the values."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
+    """σ from readings (n,) [mm] that repeat each other exactly; None without repeats.
+
+    They share a gauge set-up, or a spot of the bed, so this may understate the real scatter.
+    """
+    cell = plan.repeats
+    count = np.bincount(cell)
+    dof = int(len(plan) - count.size)
+    if dof == 0:
+        return None
+    mean = np.bincount(cell, weights=values) / count
+    apart = plan.precision * (values - mean[cell])
+    return Scatter(float(np.sqrt((apart**2).sum() / dof)), float(dof))
+
+
+def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> float:
+    """Chance that noise of σ alone leaves a larger sum of squares (χ² test); 1 without dof."""
+    return float(chdtrc(dof, sum_of_squares / sigma_mm**2)) if dof > 0 else 1.0
 
 
 @dataclass(frozen=True, eq=False)

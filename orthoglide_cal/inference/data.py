@@ -27,7 +27,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import rms, shrink, unexplained, whiten
+from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.solution import (
     Contrasts,
     LeastSquaresFit,
@@ -35,6 +35,7 @@ from orthoglide_cal.estimation.solution import (
     pose_plan,
     require_optimum,
     require_rank,
+    rms,
 )
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.machine import Influence, Machine

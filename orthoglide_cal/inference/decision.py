@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.gaussian import chance_of_residual, probabilities
+from orthoglide_cal.estimation.gaussian import probabilities
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     FALSE_RELEASE,
@@ -25,7 +25,7 @@ from orthoglide_cal.estimation.losses import (
     WRONG_NAME,
     is_likely,
 )
-from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import MISFIT, Fit

@@ -23,8 +23,8 @@ import numpy as np
 from scipy.special import erf
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.estimation.gaussian import log_sum, rms
-from orthoglide_cal.estimation.solution import Contrasts, Reduction, without_zeros, zero_free
+from orthoglide_cal.estimation.gaussian import log_sum
+from orthoglide_cal.estimation.solution import Contrasts, Reduction, rms, without_zeros, zero_free
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out

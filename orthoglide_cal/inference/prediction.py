@@ -9,14 +9,9 @@ from scipy.special import chdtrc, ndtr
 
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import (
-    rms,
-    root_of,
-    unexplained,
-    whiten_shared,
-)
+from orthoglide_cal.estimation.gaussian import root_of, unexplained, whiten_shared
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
-from orthoglide_cal.estimation.solution import fit_offsets
+from orthoglide_cal.estimation.solution import fit_offsets, rms
 from orthoglide_cal.inference.data import Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
 from orthoglide_cal.model.machine import Machine, Origin

@@ -32,6 +32,7 @@ from orthoglide_cal.estimation.budget import (
     Budget,
     BudgetTotal,
     Contribution,
+    Scatter,
     budget_lines,
     budget_of,
     fixed_influences,
@@ -39,7 +40,6 @@ from orthoglide_cal.estimation.budget import (
 )
 from orthoglide_cal.estimation.gaussian import (
     Mixture,
-    Scatter,
     condition,
     unexplained,
     whiten,

@@ -22,10 +22,14 @@ from scipy.linalg import block_diag
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
+from orthoglide_cal.estimation.budget import (
+    EXPANSION_PER_K,
+    REFERENCE_C,
+    fixed_influences,
+    half_width,
+)
 from orthoglide_cal.estimation.gaussian import (
     condition,
-    half_width,
     log_mean,
     mixture,
     probabilities,

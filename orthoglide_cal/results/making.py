@@ -32,10 +32,9 @@ from orthoglide_cal.estimation import (
     promise,
     solve,
 )
-from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
-from orthoglide_cal.estimation.gaussian import Scatter, chance_of_residual, rms
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
-from orthoglide_cal.estimation.solution import SUSPICIOUS, require_settings
+from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual, require_settings, rms
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import (

@@ -14,8 +14,8 @@ from scipy import stats
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import OffsetEstimate, fit_offsets, promise, solution, solve
-from orthoglide_cal.estimation.budget import Budget, Contribution
-from orthoglide_cal.estimation.gaussian import Mixture, Scatter, fit_size
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
+from orthoglide_cal.estimation.gaussian import Mixture, fit_size
 from orthoglide_cal.estimation.losses import is_likely, surprising
 from orthoglide_cal.estimation.solution import OPTIMAL
 from orthoglide_cal.inference.diagnose import diagnose
