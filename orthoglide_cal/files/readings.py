@@ -1,5 +1,5 @@
-"""Readings and sessions (`orthocal guide files`): text to rows to columns of arrays, and back to
-rows; and tables of differences.
+"""Readings of gauges, touches of a bed, differences and sessions (`orthocal guide files`): text to
+rows to columns of arrays, and back to rows.
 
 A row comes as the texts of its cells, whatever file it stands in; the same class writes it. Every
 cell is checked by itself there; what only shows across rows, where the rows become arrays.

@@ -147,6 +147,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "lengths": lambda values: ", ".join(number(value) for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
+    "lines": lambda numbers: f"Line{'s' * (len(numbers) > 1)} {listed(numbers)}",
     "with": together,
     "too": lambda titles: "".join(f" and {title}" for title in titles),
     "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),

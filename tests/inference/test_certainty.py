@@ -3,7 +3,6 @@
 And a name survives what it did not see, and what it calls wrong may be left out.
 """
 
-import sys
 from dataclasses import replace
 from datetime import date
 
@@ -190,8 +189,8 @@ def test_readings_left_out_refute_a_name(monkeypatch: pytest.MonkeyPatch) -> Non
     readings, model = known(truth.make_session(4, truth.PROTOTYPE, truth.MICRON, ("axis_gap",)))
     assert diagnose(readings, model).refuted is None
     held = HeldOut(rms_mm=0.75, ratio=44.0, chance=1e-6)
-    module = sys.modules[diagnose.__module__]
-    monkeypatch.setattr(module, "leave_out", lambda *_: (None, None, held))
+    place = "orthoglide_cal.inference.diagnose.leave_out"
+    monkeypatch.setattr(place, lambda *_: (None, None, held))
     found = diagnose_anew(readings, model)
     assert (found.verdict, found.causes) == (Verdict.UNEXPLAINED, ())
     assert found.refuted.code == "refuted_left_out"
