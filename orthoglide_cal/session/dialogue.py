@@ -51,17 +51,7 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.events import (
-    Doubt,
-    Event,
-    Journal,
-    Questioned,
-    State,
-    advance,
-    create,
-    decode,
-    replay,
-)
+from orthoglide_cal.session.events import Doubt, Event, Journal, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import (
     NEAR_MM,
     SerialGauge,
@@ -796,7 +786,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     asker.gauge = serial_gauge(request.source, opened)
     target = path.with_suffix(JOURNAL)
     if not request.resume:
-        create(target, *_first_records(request, asker))
+        Journal.create(target, *_first_records(request, asker))
     journal = Journal.resume(target, opened)
     state, setting = journal.state, _setting_in(journal)
     source = request.source or state.source
@@ -1184,7 +1174,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
 def is_practice(journal: Path) -> bool:
     """True if an unfinished session reads a simulated machine; False if it cannot be read."""
     with suppress(OrthocalError, OSError):
-        return decode(journal.read_bytes(), journal).state.opened.seed is not None
+        return Journal.decode(journal.read_bytes(), journal).state.opened.seed is not None
     return False
 
 
