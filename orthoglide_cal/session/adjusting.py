@@ -28,16 +28,10 @@ from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
-from orthoglide_cal.session.dialogue import (
-    TYPED,
-    VIRTUAL,
-    Dialogue,
-    serial_gauge,
-    setting_in,
-    time_of_day,
-)
+from orthoglide_cal.session.dialogue import TYPED, VIRTUAL, Dialogue, serial_gauge, time_of_day
 from orthoglide_cal.session.events import Journal, State, create, decode
 from orthoglide_cal.session.gauges import Token
+from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import decimals_for, signed, value_text, with_uncertainty
 
 HELP = """\
@@ -337,7 +331,7 @@ def open_adjustments(
         SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
         for number, (setup, phase) in places
     )
-    setting = setting_in(journal, steps)
+    setting = Setting(given.model, steps, following)
     return AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
 
 

@@ -798,7 +798,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     if not request.resume:
         create(target, *_first_records(request, asker))
     journal = Journal.resume(target, opened)
-    state, setting = journal.state, setting_in(journal)
+    state, setting = journal.state, _setting_in(journal)
     source = request.source or state.source
     if request.resume:
         _refuse_changes(state.opened, setting.held, request)
@@ -1045,13 +1045,13 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
     return source, next(seed for seed in seeds if seed is not None)
 
 
-def setting_in(journal: Journal, steps: tuple[SessionStep, ...] = ()) -> Setting:
-    """Machine, earlier readings, and steps unless they are given. Raises InputError."""
+def _setting_in(journal: Journal) -> Setting:
+    """Machine, steps and earlier readings. Raises InputError."""
     path, opened, planned = str(journal.path), journal.state.opened, journal.state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is None:
         steps = opened.session.steps(model.machine)
-    elif not steps:
+    else:
         cells: tuple[AnyCell, ...] = planned.readings
         plan = cells[0].planned(cells)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
