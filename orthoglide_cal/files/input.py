@@ -515,13 +515,13 @@ def _printer(file: PrinterFile, known: Model | None, stored: str | None) -> Inpu
     machine, remarks = file.known_as(_delta(model, file.source.path))
     model = replace(model, machine=machine)
 
-    def read(name: str | None, *unused: Reason) -> Input:
+    def read(name: str, *unused: Reason) -> Input:
         readings = file.readings(name, machine)
         readings = replace(readings, remarks=(*remarks, *readings.remarks, *unused))
         return Input(readings, model, conditions_in(readings).changed(started=file.started))
 
     others, unused = [], []
-    chosen = stored or next(iter(file.data), None)
+    chosen = stored or next(iter(file.data), "")
     for name in (name for name in file.data if name != chosen):
         try:
             others.append(read(name))
