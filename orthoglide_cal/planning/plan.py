@@ -19,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import product
-from operator import itemgetter, ne
+from operator import ne
 from typing import Any, Literal
 
 import numpy as np
@@ -324,7 +324,8 @@ def separations(
     ids = [cause.id for cause in causes]
     pairs = {(ids[b], ids[a]): sigma[a][b] for a in range(len(ids)) for b in range(a)}
     trace = dict(zip(ids, np.sqrt(total[:, -1]).tolist(), strict=True))
-    return dict(sorted(pairs.items(), key=itemgetter(1))), trace
+    # What is as far apart but for rounding stays in the order of the causes.
+    return dict(sorted(pairs.items(), key=lambda pair: round(pair[1], 9))), trace
 
 
 def _margins(

@@ -30,7 +30,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.plan import SessionForecast
-from orthoglide_cal.planning.steps import SessionStep, posture_name
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.schema import Positive, Schema, text_that
 from orthoglide_cal.words import counted, plain, short
 
@@ -306,7 +306,7 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
             comment(f"Set-up {first.setup}: {waits}")
             lines += [move(joints, template.feed) for joints in block.set_up]
             lines.append("M0")  # waits for a button: nobody knows how long gauges take
-        words = f"{row['block']}: leg {row['leg']}, {posture_name(first)}, cycle {first.cycle}."
+        words = f"{row['block']}: leg {row['leg']}, {first.posture_name}, cycle {first.cycle}."
         words += f" Read steps {row['steps'].replace(' ', '-')}, gauges {row['gauges']}."
         above = row["from_above"]
         comment(f"{words} Carriage {above} arrives from above." if above else words)

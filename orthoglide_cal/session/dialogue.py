@@ -45,11 +45,8 @@ from orthoglide_cal.planning.steps import (
     SessionStep,
     clock,
     gauge_moves,
-    posture_name,
     require_on_bar,
-    step_name,
     steps_of,
-    with_set_ups,
 )
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events
@@ -245,7 +242,7 @@ class Dialogue:
         missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]
         last = self.so_far.steps[-1] if state.accepted else (missing or steps)[0]
         if missing and (self.request.agreed or live):
-            again = with_set_ups(missing, last.setup, steps, state.accepted)
+            again = self._with_set_ups(missing, last.setup)
             old = sum(step.number in state.accepted for step in again)
             more = f" For that, {old} earlier readings are taken again: the stands were moved."
             self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
@@ -378,7 +375,7 @@ class Dialogue:
         )
         return (
             f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
-            f" {posture_name(step)}{short}, {when}. {duration(minutes)} left."
+            f" {step.posture_name}{short}, {when}. {duration(minutes)} left."
         )
 
     def _place(self, step: SessionStep) -> str:
@@ -682,12 +679,13 @@ class Dialogue:
                 if not agreed and not self._agrees("End the session here? y/n > "):
                     self.asker.say("Not ended.")
                     return
+                why = reason or "the session was ended"
                 for skipped in left:
-                    self._skip(skipped, reason or "the session was ended")
+                    self.write(events.Skipped(at=self.now(), step=skipped.number, reason=why))
             case "s":
                 why = words or self._words("Why is it skipped? > ")
                 if why and not _is_reading(why):
-                    self._skip(step, why)
+                    self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
                     self.asker.say(f"Skipped: {why}")
                 else:
                     self.asker.say("Not skipped: a reason in words is needed.")
@@ -696,7 +694,7 @@ class Dialogue:
                 lines = [f"The last {counted(len(last), 'reading')}:"]
                 for number, item in last:
                     take = item.take
-                    name = step_name(self.setting.steps[number - 1])
+                    name = self.setting.steps[number - 1].name
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""
                     value = value_text(take.value_mm, self.request.unit)
                     lines.append(f"  {number:>3}  {name}  {value}{kept}")
@@ -719,7 +717,7 @@ class Dialogue:
             where = f"of leg {which.upper()}" if leg else f"at step {which[:20]}"
             self.asker.say(f"There is no reading {where} yet.")
             return
-        again = with_set_ups(chosen, step.setup, steps, state.accepted)
+        again = self._with_set_ups(chosen, step.setup)
         old = [s for s in again if s.number in state.accepted]
         if any(s.setup != step.setup for s in chosen) and any(s not in chosen for s in old):
             here = sum(s.setup == step.setup for s in old)
@@ -731,19 +729,27 @@ class Dialogue:
             if not self._agrees("Take them all again? y/n > "):
                 return
         self._take_again(again, reason or "retaken")
-        retaken = f"step {again[0].number} ({step_name(again[0])})"
+        retaken = f"step {again[0].number} ({again[0].name})"
         if len(again) > 1:
             retaken = f"{len(again)} steps from step {again[0].number} on"
         self.asker.say(f"Retaking {retaken}; the old readings are kept as replaced.")
+
+    def _with_set_ups(self, chosen: Sequence[SessionStep], here: int) -> list[SessionStep]:
+        """Steps, with all that must be read again with them while the stands are in set-up `here`.
+
+        For other set-ups the stands are moved: the zeros are then new ones, also those of the
+        set-up in hand, to which they come back.
+        """
+        numbers, setups = {step.number for step in chosen}, {step.setup for step in chosen}
+        moved = set() if setups <= {here} else setups | {here}
+        numbers |= {step.number for step in self.so_far.steps if step.setup in moved}
+        return [step for step in self.setting.steps if step.number in numbers]
 
     def _take_again(self, steps: list[SessionStep], reason: str) -> None:
         if self.state.ended:
             self.write(events.Reopened(at=self.now(), source=self.state.source))
         numbers = tuple(step.number for step in steps)
         self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
-
-    def _skip(self, step: SessionStep, why: str) -> None:
-        self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
 
 
 def _is_reading(words: str) -> bool:

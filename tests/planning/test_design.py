@@ -190,4 +190,4 @@ def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -
 def test_every_two_causes_are_one_pair_and_the_nearest_comes_first() -> None:
     pairs, trace = separations(NOMINAL, forecast(NOMINAL).plan)
     assert {*pairs} == {*combinations(trace, 2)}
-    assert [*pairs.values()] == sorted(pairs.values())
+    assert np.diff([*pairs.values()]).min() > -1e-9
