@@ -88,7 +88,7 @@ def application_document(application: Application) -> doc.Document:
         for name, old in before.items()
     ]
     caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
-    first = "The controller must hold the last column and have been homed with it."
+    first = "The controller must hold the values of the last column and have been homed with them."
     if controller is not None and written is not None:
         head, none = ("line", "what", "now", "from now on"), "(no line)"
         rows = [
@@ -160,7 +160,7 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
-    first = doc.step("Calibrate anew, which the push needs, and probe in the same way.")
+    first = doc.step("Calibrate again, as the push requires, and probe in the same way.")
     if given.model.machine.vocabulary.measure:
         again = measure_again(given)
         first = doc.step("Measure again in the same way.", again)
