@@ -386,7 +386,7 @@ def _evidence(fit: Fit) -> tuple[Floats, float]:
         log = by_noise[0]
     else:
         blocks = pattern_densities(at, placed, density, data, by_noise)
-        log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
+        log = log_sum(np.stack([log_sum(log[0], -1) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
     if base and alone:
         (evidence,) = all_or_one(at, base, data, [evidence], [fit.derivatives])
