@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -33,7 +34,7 @@ from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.cause import NORMAL_K, Estimate
 from orthoglide_cal.model.contrasts import Contrasts, Reduction, without_zeros, zero_free
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Numbers, Plan, Where
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
 SIZES = np.array((5.0, 30.0))
@@ -246,45 +247,52 @@ def at_usual_size(fit: Fit) -> Fit:
     return replace(anew, log_evidence=log)
 
 
-def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
-    """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g).
+def _gains(fit: Fit, every: Sequence[tuple[Pattern, Bools]], noise: Floats) -> Iterator[Floats]:
+    """Gain of ln p at each where by each shape at each size, (w, v, s), of hows of the same sizes.
 
-    `chosen` are columns of the how at each where, (w, v, q); `one` is it at any.
+    A how at any where, and which of its columns it has at each, (w, v, q); ln p at each σ without
+    it, `noise` (g,).
     """
-    (n, v, q), sizes = one.columns.shape, one.sizes
-    power, match, left = np.empty((v, q, q)), np.empty((v, q)), fit.whitened(fit.unexpected)
-    together = max(AT_ONCE // (n * q), 1)
-    for part in (slice(start, start + together) for start in range(0, v, together)):
-        columns = fit.white.matrix @ one.columns[:, part].reshape(n, -1)
-        white = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
-        turned = white.swapaxes(-1, -2)
-        power[part], match[part] = turned @ white, turned @ left
+    left, by_count = fit.whitened(fit.unexpected), defaultdict[int, list[tuple[Numbers, ...]]](list)
+    gains = [np.full((*chosen.shape[:2], len(one.sizes)), ABSENT) for one, chosen in every]
+    for (one, chosen), gain in zip(every, gains, strict=True):
+        n, v, q = one.columns.shape
+        power, match = np.empty((v, q, q)), np.empty((v, q))
+        together = max(AT_ONCE // (n * q), 1)
+        for part in (slice(start, start + together) for start in range(0, v, together)):
+            columns = fit.white.matrix @ one.columns[:, part].reshape(n, -1)
+            white = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
+            turned = white.swapaxes(-1, -2)
+            power[part], match[part] = turned @ white, turned @ left
+        where, shape = np.nonzero(chosen.any(axis=2))
+        shown = chosen[where, shape]
+        width = shown.sum(axis=1)
+        for count in np.unique(width).tolist():
+            some = width == count
+            number, shapes = np.nonzero(shown[some])[1].reshape(-1, count), shape[some, None]
+            inner = power[shapes[..., None], number[:, :, None], number[:, None]]
+            group = inner, match[shapes, number], gain, where[some], shape[some]
+            by_count[count].append(group)
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
-    variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
-    gains = np.full((*chosen.shape[:2], len(sizes), len(noise2)), ABSENT)
-    # Wheres of as many columns together, since most have few.
-    some = np.asarray(chosen.any(axis=1))
-    width = some.sum(axis=1)
-    for count in np.unique(width).tolist():
-        where = np.flatnonzero(width == count)
-        number = np.nonzero(some[where])[1].reshape(-1, count)
-        shown = np.take_along_axis(chosen[where], number[:, None], 2)
-        at, shape = np.nonzero(shown.any(axis=2))
-        shown, number, shapes = shown[at, shape], number[at], shape[:, None]
-        inner = power[shapes[..., None], number[:, :, None], number[:, None]]
-        inner = inner * (shown[..., None] & shown[:, None])
-        along, size2 = match[shapes, number] * shown, inner[..., 0]
+    # As many columns together, of whichever how: most have few.
+    for count, groups in by_count.items():
+        inner, along = (np.concatenate([group[k] for group in groups]) for k in range(2))
+        size2 = inner[..., 0]
         if count > 1:
             size2, axes = np.linalg.eigh(inner)
             along = (axes.swapaxes(-1, -2) @ along[..., None])[..., 0]
+        variance = ((every[0][0].sizes * fit.noise.stated) ** 2)[:, None, None]
         weights, matches = np.maximum(size2, 0.0)[:, None, None], along[:, None, None]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
-        gains[where[at], shape] = log
-    return gains
+        ends = np.cumsum([len(where) for *_, where, _ in groups])
+        by_group = np.split(log_sum(log + noise, 2), ends[:-1])
+        for (*_, gain, where, shape), values in zip(groups, by_group, strict=True):
+            gain[where, shape] = values
+    yield from gains
 
 
 def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
-    """The same of readings with more noise, (w, 1, s, g)."""
+    """The same of readings with more noise at each σ, (w, 1, s, g)."""
     factors = one.sizes
     rows = one.columns[:, 0] @ chosen[:, 0].T > 0.0
     everywhere = rows.all(axis=0)
@@ -378,10 +386,13 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
     log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
     least = np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated])
     noise = least - log_sum(fit.by_noise)
-    for patterns in candidates:
-        one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
-        gains = (_gains_of_noise if one.how == "scatters" else _gains)(fit, one, chosen)
-        by_shape = log_sum(gains + noise, 3)
+    hows = [(one[0], np.stack([pattern.chosen for pattern in one])) for one in candidates]
+    gains = _gains(fit, [how for how in hows if how[0].how != "scatters"], noise)
+    for patterns, (one, chosen) in zip(candidates, hows, strict=True):
+        if one.how == "scatters":
+            by_shape = log_sum(_gains_of_noise(fit, one, chosen) + noise, 3)
+        else:
+            by_shape = next(gains)
         log_shape, rows = by_shape.copy(), np.arange(len(patterns))
         # Shapes that do not show at a where are none.
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
