@@ -443,8 +443,7 @@ def pattern_densities(
     likeliest one.
     """
     cause, machine, places = placed.cause, at.white.machine, len(placed.tried)
-    if placed.patterns is None:
-        return
+    assert placed.patterns is not None
     every = density.overlap(placed.patterns, residual)
     data = density.overlap(residual[..., None], residual)
     sizes = len(cause.counts or BLUNDER_SCALES)

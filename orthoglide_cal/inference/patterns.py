@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -34,7 +33,7 @@ from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.cause import NORMAL_K, Estimate
 from orthoglide_cal.model.contrasts import Contrasts, Reduction, without_zeros, zero_free
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Numbers, Plan, Where
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
 SIZES = np.array((5.0, 30.0))
@@ -65,7 +64,7 @@ Columns = tuple[Floats, Ints | None, Floats | None]
 
 def _by_mover(plan: Plan, values: Floats, parameters: Floats | None = None) -> Columns:
     """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
-    movers, shapes = plan.movers, 1 if parameters is None else len(parameters)
+    movers, shapes = plan.steps.movers, 1 if parameters is None else len(parameters)
     wide = values.reshape(len(plan), shapes, 1, -1)
     columns = movers.T[:, None, :, None] * wide
     number = np.repeat(np.arange(len(movers)), wide.shape[-1])
@@ -247,52 +246,41 @@ def at_usual_size(fit: Fit) -> Fit:
     return replace(anew, log_evidence=log)
 
 
-def _gains(fit: Fit, every: Sequence[tuple[Pattern, Bools]], noise: Floats) -> Iterator[Floats]:
-    """Gain of ln p at each where by each shape at each size, (w, v, s), of hows of the same sizes.
+def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
+    """Gain of ln p at each where by each shape at each size, (w, v, s).
 
-    A how at any where, and which of its columns it has at each, (w, v, q); ln p at each σ without
-    it, `noise` (g,).
+    `chosen` are columns of the how at each where, (w, v, q); `one` is it at any; ln p at each σ
+    without it is `noise`, (g,).
     """
-    left, by_count = fit.whitened(fit.unexpected), defaultdict[int, list[tuple[Numbers, ...]]](list)
-    gains = [np.full((*chosen.shape[:2], len(one.sizes)), ABSENT) for one, chosen in every]
-    for (one, chosen), gain in zip(every, gains, strict=True):
-        n, v, q = one.columns.shape
-        power, match = np.empty((v, q, q)), np.empty((v, q))
-        together = max(AT_ONCE // (n * q), 1)
-        for part in (slice(start, start + together) for start in range(0, v, together)):
-            columns = fit.white.matrix @ one.columns[:, part].reshape(n, -1)
-            white = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
-            turned = white.swapaxes(-1, -2)
-            power[part], match[part] = turned @ white, turned @ left
-        where, shape = np.nonzero(chosen.any(axis=2))
-        shown = chosen[where, shape]
-        width = shown.sum(axis=1)
-        for count in np.unique(width).tolist():
-            some = width == count
-            number, shapes = np.nonzero(shown[some])[1].reshape(-1, count), shape[some, None]
-            inner = power[shapes[..., None], number[:, :, None], number[:, None]]
-            group = inner, match[shapes, number], gain, where[some], shape[some]
-            by_count[count].append(group)
+    (n, v, q), sizes = one.columns.shape, one.sizes
+    power, match, left = np.empty((v, q, q)), np.empty((v, q)), fit.whitened(fit.unexpected)
+    together = max(AT_ONCE // (n * q), 1)
+    for part in (slice(start, start + together) for start in range(0, v, together)):
+        columns = fit.white.matrix @ one.columns[:, part].reshape(n, -1)
+        white = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
+        turned = white.swapaxes(-1, -2)
+        power[part], match[part] = turned @ white, turned @ left
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
-    # As many columns together, of whichever how: most have few.
-    for count, groups in by_count.items():
-        inner, along = (np.concatenate([group[k] for group in groups]) for k in range(2))
-        size2 = inner[..., 0]
+    variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
+    shown = chosen.reshape(-1, q)
+    gains, width = np.full((len(shown), len(sizes)), ABSENT), shown.sum(axis=1)
+    # Those of as many columns together, since most have few.
+    for count in {*width.tolist()} - {0}:
+        rows = np.flatnonzero(width == count)
+        number, shape = np.nonzero(shown[rows])[1].reshape(-1, count), rows[:, None] % v
+        inner = power[shape[..., None], number[:, :, None], number[:, None]]
+        size2, along = inner[..., 0], match[shape, number]
         if count > 1:
             size2, axes = np.linalg.eigh(inner)
             along = (axes.swapaxes(-1, -2) @ along[..., None])[..., 0]
-        variance = ((every[0][0].sizes * fit.noise.stated) ** 2)[:, None, None]
         weights, matches = np.maximum(size2, 0.0)[:, None, None], along[:, None, None]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
-        ends = np.cumsum([len(where) for *_, where, _ in groups])
-        by_group = np.split(log_sum(log + noise, 2), ends[:-1])
-        for (*_, gain, where, shape), values in zip(groups, by_group, strict=True):
-            gain[where, shape] = values
-    yield from gains
+        gains[rows] = log_sum(log + noise, 2)
+    return gains.reshape(*chosen.shape[:2], -1)
 
 
-def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
-    """The same of readings with more noise at each σ, (w, 1, s, g)."""
+def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
+    """The same of readings with more noise, (w, 1, s)."""
     factors = one.sizes
     rows = one.columns[:, 0] @ chosen[:, 0].T > 0.0
     everywhere = rows.all(axis=0)
@@ -301,7 +289,7 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
     gains[everywhere] = fit.log_density(wider).reshape(len(factors), -1) - fit.by_noise
     contrasts, texture = fit.white.matrix, fit.white.texture
     if not isinstance(contrasts, Contrasts):
-        return gains[:, None]
+        return log_sum(gains + noise, 2)[:, None]
     shape = () if texture is None else (texture.columns,)
     # What of a local shape is too fine to be described is noise, too, but of the bed.
     unit = _general(fit.white, fit.noise) / fit.noise.stated
@@ -330,7 +318,7 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
         log_det = np.log(kept).sum(axis=-1) + part.sum(axis=1)[:, None] * np.log1p(more2)
         by_where.append(0.5 * (square[..., None] / noise2 - log_det[..., None]))
     gains[~everywhere] = np.concatenate((gains[:0], *by_where))
-    return gains[:, None]
+    return log_sum(gains + noise, 2)[:, None]
 
 
 def _general(white: Whitened, noise: NoiseGrid) -> float:
@@ -386,13 +374,10 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
     log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
     least = np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated])
     noise = least - log_sum(fit.by_noise)
-    hows = [(one[0], np.stack([pattern.chosen for pattern in one])) for one in candidates]
-    gains = _gains(fit, [how for how in hows if how[0].how != "scatters"], noise)
-    for patterns, (one, chosen) in zip(candidates, hows, strict=True):
-        if one.how == "scatters":
-            by_shape = log_sum(_gains_of_noise(fit, one, chosen) + noise, 3)
-        else:
-            by_shape = next(gains)
+    for patterns in candidates:
+        one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
+        gains_of = _gains_of_noise if one.how == "scatters" else _gains
+        by_shape = gains_of(fit, one, chosen, noise)
         log_shape, rows = by_shape.copy(), np.arange(len(patterns))
         # Shapes that do not show at a where are none.
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
@@ -402,10 +387,11 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
             gained[k] = log_sum(log_shape[k]) - number[k]
         best = log_shape.reshape(len(rows), -1).argmax(axis=1)
         best = by_shape.reshape(len(rows), -1)[rows, best].tolist()
+        columns = one.columns, one.mover, one.parameters
         sizes, logs = one.sizes * fit.noise.stated, (fit.log_evidence + gained).tolist()
-        for pattern, log, shape, gain in zip(patterns, logs, log_shape, best, strict=True):
-            pattern = replace(pattern, at=at, sizes=sizes, log_shape=shape, gain=gain)
-            scored.append(Hypothesis(at, log, patterns=(pattern,)))
+        for tried, log, *score in zip(patterns, logs, log_shape, best, strict=True):
+            known = at, one.how, tried.where, tried.log_prior, *columns, tried.chosen
+            scored.append(Hypothesis(at, log, patterns=(Pattern(*known, sizes, *score),)))
     return scored
 
 
