@@ -5,7 +5,7 @@ A field that is declared with one of the types below takes the text of a file or
 012 as 10 and 1:30 as 90. Here a number is digits with at most one decimal mark and an exponent.
 
 What is wrong with a text is an `InputError` with what and remedy, without a place: pydantic adds
-the path, and `files.faults` the file, the line and the words for what pydantic itself refuses.
+the path, and `files.tree` the file, the line and the words for what pydantic itself refuses.
 """
 
 import math

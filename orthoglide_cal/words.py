@@ -134,6 +134,21 @@ def two_figures(value: float) -> str:
     return plain(value, decimals_for(value)) if value else "0"
 
 
+def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
+    """A reading in a unit: "+0.127 mm", "+0.0050 in (+0.127 mm)"; without `sign` a size."""
+    metric = f"{typed(value_mm, 3) if sign else plain(value_mm, 3)} mm"
+    if unit is Unit.MM:
+        return metric
+    inches = f"{value_mm / MM_PER_INCH:{sign}.5f}"  # no dial divides an inch more finely
+    return f"{inches.removesuffix('0')} in ({metric})"
+
+
+def in_unit(value_mm: float, unit: Unit, form: str = "g") -> str:
+    """Another length in a unit: "10 mm", "0.393701 in (10 mm)"."""
+    metric = f"{value_mm:{form}} mm"
+    return metric if unit is Unit.MM else f"{value_mm / MM_PER_INCH:{form}} in ({metric})"
+
+
 def with_uncertainty(value: float, uncertainty: float) -> str:
     """ "−0.530 ± 0.021": the value ends at the digit of its uncertainty."""
     decimals = decimals_for(uncertainty)

@@ -1,7 +1,7 @@
 """What follows from the same data under the same model is found once in a process, for all tests.
 
 A decision and a diagnosis are pure functions of them, as `tests.inference.test_verdicts` asserts.
-A test that replaces a part of the inference calls the functions of that module itself.
+A test that replaces a part of the inference calls `diagnose_anew`.
 """
 
 import functools
@@ -67,14 +67,14 @@ def replace(name: str, repeated: Callable[..., Any], *modules: str) -> None:
 DIAGNOSE = module_of("inference.diagnose")
 diagnose_anew = DIAGNOSE.diagnose
 # Before others take it from there.
-replace("diagnose", once(DIAGNOSE.diagnose), "inference")
+replace("diagnose", once(DIAGNOSE.diagnose), "inference.diagnose")
 replace("decided", once(DIAGNOSE.decided), "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
 for name in ("scaled", "settled"):
     setattr(DIAGNOSE.Diagnosis, name, functools.lru_cache(KEPT)(getattr(DIAGNOSE.Diagnosis, name)))
-NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
-ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
-replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")
+PLAN = module_of("planning.plan")
+ranked = functools.lru_cache(KEPT)(PLAN.rank_measurements)
+replace("rank_measurements", ranked, "planning.plan", "session.dialogue")
 # Of the layouts of a printer there are some dozens.
 apart = once(PLAN.separations, 200)
 replace("separations", apart, "planning.plan")

@@ -8,8 +8,7 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Effect, Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 
 ROOT = Path(__file__).parents[1]

@@ -12,9 +12,10 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import solution_document
-from orthoglide_cal.report.documents.calibration import calibration_document
+from orthoglide_cal.report.documents.reports import calibration_document
 from orthoglide_cal.report.html import html
-from orthoglide_cal.results import answer_to, identify
+from orthoglide_cal.results.answer import identify
+from orthoglide_cal.results.making import answer_to
 from tests.machines import ROOT
 from tests.report.test_terminal import shown
 

@@ -8,7 +8,7 @@ import yaml
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, joined
+from orthoglide_cal.model.plan import Floats, Plan
 from tests.machines import ROOT
 from tests.truth.delta import Delta, Layout, Truth, places_of
 from tests.truth.plan import frozen
@@ -55,7 +55,7 @@ def printed(first: Floats, second: Floats, weight: float = 1.0) -> ProbePlan:
 
 
 def both(touches: ProbePlan, distances: ProbePlan) -> ProbePlan:
-    return joined(touches, replace(distances, order=distances.order + len(touches)))
+    return Plan.joined(touches, replace(distances, order=distances.order + len(touches)))
 
 
 def standard_plan(machine: Delta = UNEVEN) -> ProbePlan:

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.model import Cause, Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats
 from tests.machines import NOMINAL, PROTOTYPE

@@ -7,10 +7,10 @@ from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.causes.base import PatternCause, apart, series_places, there, words_of
-from orthoglide_cal.model.cause import Cause, Effect, Place, Screw
+from orthoglide_cal.causes.base import PatternCause, series_places, there, words_of
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Cause, Effect, Place, Screw
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers, Patterns
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, other_axes
@@ -23,18 +23,12 @@ class BarSkew(Cause):
     """Slope of the bar per leg and direction: rise along + per length towards the tool."""
 
     id = "bar_skew"
-    title = "a touched bar is not parallel to its leg"
     unit = "mrad"
     # The face of the bar that the plunger runs on, to its centre line.
     sizes = MappingProxyType({Orthoglide: 1.0})
     scale = 1e-3
     names = tuple(series.name for series in _SERIES)
     lasting = True
-    instrument = "the same readings once more with the bar turned half round"
-    advice = (
-        "Measure on a ground surface parallel to the joint centres, or with the gauge on the"
-        " other bar of the parallelogram."
-    )
 
     def adjustment(self, name: str) -> Screw:
         """The bar is turned about its end at the carriage."""
@@ -55,14 +49,11 @@ class GaugeDrift(PatternCause):
     """Rate of the readings of one leg and direction."""
 
     id = "gauge_drift"
-    title = "a gauge or its stand creeps"
     unit = "mm/h"
     # A magnetic stand settling, a plunger arm creeping.
     sizes = MappingProxyType({Orthoglide: 0.05})
     names = ("rate",)
     timed = True
-    instrument = "the gauge left on its bar for an hour, machine standing"
-    advice = "Clamp the stand of {where} again on a clean surface, and repeat this leg."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return series_places(plan)
@@ -81,17 +72,11 @@ class StandShift(PatternCause):
     """Step in the readings of one gauge set-up, from some reading on."""
 
     id = "stand_shift"
-    title = "a gauge or its stand was knocked"
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: 0.1})  # a light knock against the stand
     names = ("step",)
     timed = True
     any_size = True
-    instrument = "a last reading at the first posture, before a stand is moved"
-    advice = (
-        "Clamp the stand again and repeat this leg from its first isotropic reading: the readings"
-        " step {where}."
-    )
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         rows, first = plan.sequence
@@ -108,7 +93,7 @@ class StandShift(PatternCause):
         That is one wrong reading: nothing that is read later can show that it was a knock.
         """
         (knocked,) = place
-        again = apart(plan, self.spoiled(place, plan))
+        again = self.spoiled(place, plan)
         will_show = bool(plan.standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
 
@@ -202,49 +187,31 @@ class BedShape(_Surface):
     """
 
     id = "bed_shape"
-    title = "the heights follow a smooth shape over the bed"
     # Glass and spring steel on a printed frame bend by a tenth towards the edge.
     sizes = MappingProxyType({LinearDelta: 0.1})
     names = _TERMS
     shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
-    instrument = "a straight edge and feeler gauges on the bed"
-    no_setting = "a bed mesh compensates it; make a new one"
-    no_screw = "Screws tilt the plate, which looks like its endstops, and does not flatten it."
-    advice = (
-        "A bed mesh compensates it. Touches of one height do not show its cause (the bed, leaning"
-        " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
-        " third and probe again (what turns with it is its own shape), or probe on blocks."
-    )
 
 
 class ProbeTilt(_Surface):
     """The effector tilts as it moves, and a probe next to the nozzle rises or falls with it."""
 
     id = "probe_tilt"
-    title = "the probe tilts with the effector"
     # Arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle.
     sizes = MappingProxyType({LinearDelta: 0.05})
     names = ("xx", "xy", "yy")
-    instrument = "the same touches with the nozzle itself"
-    advice = (
-        "Probe with the nozzle itself, or turn the probe to the other side of the effector and"
-        " probe again: what changes sign is its tilt. Compare the two arms of each pair."
-    )
 
 
 class ProbeDrift(Cause):
     """The height at which the probe triggers drifts while it warms up or cools."""
 
     id = "probe_drift"
-    title = "the probe drifts"
     unit = "mm/h"
     # An inductive probe or its mount cooling by some degrees.
     sizes = MappingProxyType({LinearDelta: 0.05})
     names = ("rate",)
     timed = True
     same_remedy_as = "thermal_drift"
-    instrument = "the same touch again after ten minutes"
-    advice = "Let bed and probe reach their temperature, wait ten minutes, and probe again."
 
     def contact(
         self, readings: Numbers, effect: Effect, plan: ProbePlan, machine: Machine, where: Numbers

@@ -5,10 +5,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, worded
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Cause, Screw
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES
@@ -37,15 +37,12 @@ class AxisGap(Cause):
     """Distances between pairs of axes; rail x lies above rail y where g_xy > 0, and so on."""
 
     id = "axis_gap"
-    title = "the rails do not meet in one point"
     unit = "mm"
     # Usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2).
     sizes = MappingProxyType({Orthoglide: 0.5})
     names = ("xy", "yz", "zx")
     lasting = True
     compensable = True
-    instrument = "a dial indicator carried along one rail, run against the next"
-    advice = "Shim the rails until their axes meet in one point, then measure again."
 
     def adjustment(self, name: str) -> Screw:
         """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
@@ -62,18 +59,12 @@ class AxisSquareness(Cause):
     """How far the angles between pairs of axes fall short of 90°; the axes still meet."""
 
     id = "axis_squareness"
-    title = "the rails are not square to each other"
     unit = "mrad"
     sizes = MappingProxyType({Orthoglide: 1.0})  # 0.2 mm over a 200 mm square, the same alignment
     scale = 1e-3
     names = ("xy", "yz", "zx")
     lasting = True
     compensable = True
-    instrument = "a master square with a dial indicator"
-    advice = (
-        "Check the squareness of the linear drives with a master square and re-align them, then"
-        " measure again."
-    )
 
     def adjustment(self, name: str) -> Screw:
         """The second rail of a pair is turned."""
@@ -93,23 +84,13 @@ class LegLength(Cause):
     """
 
     id = "leg_length"
-    title = "the legs differ from the nominal length"
     unit = "mm"
     # The paper states ±0.01 mm for machined links and joints.
     sizes = MappingProxyType({Orthoglide: 0.01, LinearDelta: 0.3})
     names = ("x", "y", "z")
     lasting = True
     compensable = True
-    instrument = "a calliper on each leg, from joint centre to joint centre"
     number = MappingProxyType({Orthoglide: "leg_length_mm", LinearDelta: "arm_length_mm"})
-    advice = "Measure the legs between their joint centres and enter the mean in the machine file."
-    elsewhere = worded(
-        LinearDelta,
-        title="the arms differ from the nominal length",
-        instrument="a calliper on each arm, from joint centre to joint centre",
-        advice="Measure the arms between their joint centres and enter each in printer.cfg"
-        " (arm_length), or in your firmware and the machine file; then calibrate and probe again.",
-    )
 
     def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:
         """Excess over the other lengths."""
@@ -141,18 +122,12 @@ class TowerLean(Cause):
     """
 
     id = "tower_lean"
-    title = "a tower leans"
     unit = "mrad"
     # 1 mm over a frame of 500 mm, put together with a square.
     sizes = MappingProxyType({LinearDelta: 2.0})
     scale = 1e-3
     names = ("a_out", "b_out", "c_out", "a_side", "b_side", "c_side")
     lasting = True
-    instrument = "a rule between the rails, at the bottom and at the top"
-    advice = (
-        "Square the frame: measure the distances between the rails at the bottom and at the top,"
-        " and shim or loosen and re-tighten the corners. No firmware has a setting for it."
-    )
 
     def adjustment(self, name: str) -> Screw:
         """The top of one tower is pushed; touches show by how much if its foot stays."""
@@ -183,17 +158,11 @@ class TowerRadius(Cause):
     """Excess of each tower's distance from the middle over the delta radius."""
 
     id = "tower_radius"
-    title = "the towers are not equally far from the middle"
     unit = "mm"
     sizes = MappingProxyType({LinearDelta: 0.3})  # printed or moulded corners, bolted by hand
     names = ("a", "b", "c")
     lasting = True
-    instrument = "a rule from the middle of the bed to each rail"
     number = MappingProxyType({LinearDelta: "delta_radius_mm"})
-    advice = (
-        "Measure the corners of the frame; where the firmware has a radius for each tower, enter"
-        " them there."
-    )
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the towers outwards; theta (..., 3) [mm]."""

@@ -4,9 +4,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, worded
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.model import Cause, Screw
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES
@@ -16,7 +16,6 @@ class EncoderScale(Cause):
     """Excess of the true over the indicated travel, counted from the isotropic posture."""
 
     id = "encoder_scale"
-    title = "a carriage moves more or less than indicated"
     unit = "1e-3"
     # Belt or screw lead error, or a scale entered with few digits.
     sizes = MappingProxyType({Orthoglide: 1.0, LinearDelta: 1.0})
@@ -25,15 +24,6 @@ class EncoderScale(Cause):
     names = ("x", "y", "z")
     lasting = True
     compensable = True
-    instrument = "gauge blocks against the carriage over its whole travel"
-    advice = "Check the travel of the carriage against gauge blocks and correct the axis scale."
-    no_setting = "correct the steps per millimetre of each tower"
-    elsewhere = worded(
-        LinearDelta,
-        instrument="a calliper against the carriage over its whole travel",
-        advice="Check the travel of the carriage against a calliper and correct the steps per"
-        " millimetre.",
-    )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""
@@ -53,7 +43,6 @@ class Backlash(Cause):
     """
 
     id = "backlash"
-    title = "a carriage has lost motion"
     unit = "mm"
     # A worn but serviceable screw and nut.
     sizes = MappingProxyType({Orthoglide: 0.02, LinearDelta: 0.05})
@@ -64,12 +53,6 @@ class Backlash(Cause):
     lasting = True
     timed = True
     settles = True
-    instrument = "a dial indicator on the carriage, approached from both sides"
-    advice = "Adjust the nut or belt of the carriage, or approach every posture from the same side."
-    elsewhere = worded(
-        LinearDelta,
-        advice="Adjust the belt of the carriage, or approach every place from the same side.",
-    )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q −= w/2 · sign of the last motion; theta (..., 6) [mm]: widths, first positions."""
@@ -88,20 +71,12 @@ class ThermalDrift(Cause):
     """Rate of each actuator zero; the offsets are those at the start of the session."""
 
     id = "thermal_drift"
-    title = "the actuator zeros drift with time"
     unit = "mm/h"
     # 300 mm of steel and aluminium warming by a few degrees an hour.
     sizes = MappingProxyType({Orthoglide: 0.05, LinearDelta: 0.05})
     names = ("x", "y", "z")
     lasting = True
     timed = True
-    instrument = "the same reading again after an hour"
-    advice = "Let the machine warm up before measuring, and repeat the session."
-    elsewhere = worded(
-        LinearDelta,
-        title="the endstops drift with time",
-        advice="Let the machine warm up before measuring, and probe again.",
-    )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q += r·t; theta (..., 3) [mm/h]."""

@@ -1,27 +1,21 @@
 """Faults of the record."""
 
+import functools
+from abc import ABC, abstractmethod
 from copy import copy
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.causes.base import (
-    ExchangeCause,
-    PatternCause,
-    RelabelCause,
-    apart,
-    place_in,
-    series_places,
-    there,
-    words_of,
-)
-from orthoglide_cal.model.cause import EVERYWHERE, Place
+from orthoglide_cal.causes.base import PatternCause, place_in, series_places, there, words_of
 from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import EVERYWHERE, Cause, Effect, Place
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Plan
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import GaugePlan
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
@@ -38,13 +32,10 @@ class Misread(PatternCause):
     """Error of a single reading, of any size: a wrong digit, a wrong mark, a wrong line."""
 
     id = "misread"
-    title = "one reading is wrong"
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})  # a slip of one numbered division
     hides_reading = True
     any_size = True
-    instrument = "every reading taken twice"
-    advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         return tuple((i,) for i in range(len(plan)))
@@ -52,7 +43,6 @@ class Misread(PatternCause):
     def several(self, count: int) -> Self:
         cause = copy(self)
         cause.names = tuple(f"size_{number}" for number in range(1, count + 1))
-        cause.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
         return cause
 
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
@@ -74,13 +64,10 @@ class GaugeSlip(PatternCause):
     """
 
     id = "gauge_slip"
-    title = "whole turns of the dial were miscounted"
     unit = "turns"
     sizes = MappingProxyType({Orthoglide: 1.0})  # the small pointer was misjudged by one
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
-    instrument = "a digital gauge, which counts its turns itself"
-    advice = "Count the turns again: {where}. Correct it in the file by whole revolutions."
 
     def possible(self, machine: Machine) -> bool:
         return super().possible(machine) and machine.instrument.turn_mm > 0.0
@@ -88,7 +75,7 @@ class GaugeSlip(PatternCause):
     record = PatternCause.added
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
-        return apart(plan, self.spoiled(place, plan))
+        return self.spoiled(place, plan)
 
     def millimetres(self, machine: Machine) -> float:
         return machine.instrument.turn_mm
@@ -103,6 +90,68 @@ class GaugeSlip(PatternCause):
         return place[1] == 1
 
 
+class RelabelCause(Cause):
+    """A cause without size: readings written down with another sign, label or unit."""
+
+    unit = ""
+    placed = True
+    sizes = MappingProxyType({Orthoglide: 1.0})
+
+    def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
+        index, sign = self.relabel(plan, effect.place)
+        return np.asarray(sign * readings[..., index] / self.unit_mm(effect.place))
+
+    def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
+        index, sign = self.relabel(plan, effect.place)
+        return np.asarray(sign * readings[..., index] * self.unit_mm(effect.place))
+
+
+class ExchangeCause(RelabelCause, ABC):
+    """Readings of one leg and direction were written under another, and the other way round.
+
+    Each reading is exchanged with the one of the same step of the other leg and direction, in the
+    same part. Where these do not pair up, the readings are looked at under another plan.
+    """
+
+    @abstractmethod
+    def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
+        """Leg and direction that each reading was of, shape (n,); its own inverse."""
+
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[Ints, Floats]:
+        unchanged, signs = super().relabel(plan, place)
+        index = _partners(self, plan.steps, place)
+        return unchanged if index is None else index, signs
+
+    def reversible(self, plan: GaugePlan, place: Place) -> bool:
+        return _partners(self, plan.steps, place) is not None
+
+    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
+        """Each reading under the leg and direction that was read, at the posture of that leg."""
+        leg, direction = self.really(plan, place)
+        return replace(plan, leg=leg, direction=direction)
+
+
+# Asked again and again of one plan while it is diagnosed.
+@functools.lru_cache(maxsize=64)
+def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray | None:
+    """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
+
+    def in_turn(leg: Ints, direction: Ints) -> tuple[Ints, Floats]:
+        """Indices of the readings by leg and direction, then in time; what partners agree in."""
+        rows = np.lexsort((plan.order, direction, leg, plan.part))
+        keys = plan.part, leg, direction, plan.displacement, plan.contact, *plan.state
+        return rows, np.stack(keys)[:, rows]
+
+    partners, written = in_turn(plan.leg, plan.direction)
+    rows, read = in_turn(*cause.really(plan, place))
+    index = np.empty_like(rows)
+    index[rows] = partners
+    # Readings that share a zero must do so after the exchange.
+    zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
+    changed = np.any(index != np.arange(len(plan)))
+    return index if changed and len(zeros) == plan.setups and np.all(written == read) else None
+
+
 class SignFlip(RelabelCause):
     """Readings of one leg and direction have the opposite sign, or, rarely, the whole table.
 
@@ -110,9 +159,6 @@ class SignFlip(RelabelCause):
     """
 
     id = "sign_flip"
-    title = "a gauge was read with the opposite sign"
-    instrument = "a feeler gauge under each plunger: its reading must grow"
-    advice = "Check which way + is on the gauge of {where}, and change the sign of its readings."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return (*series_places(plan), *whole_table(plan))
@@ -137,12 +183,6 @@ class SwappedGauges(ExchangeCause):
     """
 
     id = "swapped_gauges"
-    title = "the two gauges of one leg were exchanged"
-    instrument = "pushing each plunger alone: only its own column may change"
-    advice = (
-        "Check the cables or columns of the two gauges of {where}, and exchange them back, also in"
-        " the file. If they were right, the readings of the other two legs are exchanged."
-    )
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         legs = (place_in(part, leg) for part in range(plan.parts) for leg in range(3))
@@ -161,10 +201,7 @@ class ExchangedColumns(ExchangeCause):
     """The columns leg and direction stand under each other's headings, in the whole table."""
 
     id = "exchanged_columns"
-    title = "the columns leg and direction were exchanged"
     weight = CLERICAL
-    instrument = "pushing each plunger alone: only its own row may change"
-    advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return whole_table(plan)
@@ -178,10 +215,7 @@ class WrongUnit(RelabelCause):
     """All readings are in another unit than the file says."""
 
     id = "wrong_unit"
-    title = "all readings are in another unit"
     weight = CLERICAL
-    instrument = "a gauge block under the plunger"
-    advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return tuple((k,) for _ in whole_table(plan) for k in range(len(_UNITS)))

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.machine import Corrections, Machine
+from orthoglide_cal.model.model import Cause, Effect
 
 _FOUND: dict[str, Cause] = {
     cause.id: cause

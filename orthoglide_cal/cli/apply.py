@@ -35,9 +35,8 @@ def apply(
     from orthoglide_cal.files.moonraker import restart
     from orthoglide_cal.report.documents.short import application_document
     from orthoglide_cal.report.sentences import sentence
-    from orthoglide_cal.results import apply as application
-    from orthoglide_cal.results import take_back
-    from orthoglide_cal.results.application import file_to_record_in
+    from orthoglide_cal.results.application import apply as application
+    from orthoglide_cal.results.application import file_to_record_in, take_back
     from orthoglide_cal.schema import Reason
     from orthoglide_cal.session.adjusting import check_not_adjusted
 

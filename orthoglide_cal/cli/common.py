@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from orthoglide_cal.files.input import Input
     from orthoglide_cal.files.machine_file import StoredMachine
-    from orthoglide_cal.files.probe_readings import PrinterFile
+    from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.model.model import Model
     from orthoglide_cal.report.case import Case
@@ -221,13 +221,13 @@ def asked_session(
     return {field: value for field, value in asked.items() if value is not None}
 
 
-def agreement(yes: bool, fault: str) -> Callable[[str], bool]:
-    """Asks the person at the terminal, who may have agreed to everything (`yes`).
+def agreement(yes: bool, reason: str) -> Callable[[str], bool]:
+    """Ask the person at the terminal, who may have agreed to everything (`yes`), for a `reason`.
 
-    Raises UsageError with this fault where nobody can be asked.
+    Raises UsageError, which gives it, where nobody can be asked.
     """
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-        raise UsageError(fault, "In a script, give --yes.")
+        raise UsageError(reason, "In a script, give --yes.")
 
     def agrees(question: str) -> bool:
         asked = wrapped(f"{question} y/n", shutil.get_terminal_size().columns - 4)
@@ -298,7 +298,7 @@ def read_input(
 def judged(given: Input, **how: Any) -> Case:
     """The answer to an input, with arguments of `answer_to`; shows what it works on."""
     from orthoglide_cal.report.case import Case
-    from orthoglide_cal.results import answer_to
+    from orthoglide_cal.results.making import answer_to
 
     with working(given.measured.source.path):
         return Case(given, answer_to(given, **how))

@@ -36,18 +36,15 @@ def diagnose(
     json: bool = common.JSON,
 ) -> int:
     """Find what is wrong besides the offsets, and what to do about it."""
-    from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.estimation import free_arms
-    from orthoglide_cal.files.input import read_input, require_distinct
+    from orthoglide_cal.files.input import in_order, read_input, require_distinct, require_order
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
-    from orthoglide_cal.files.probe_readings import PrinterFile
+    from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.files.text import write_text
+    from orthoglide_cal.inference.diagnose import diagnose as diagnosis_of
     from orthoglide_cal.report.documents.answer import diagnosis_document
-    from orthoglide_cal.results import with_dates
-    from orthoglide_cal.results.history import in_order, wrong_order
-    from orthoglide_cal.results.verification import in_wrong_order
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -76,16 +73,15 @@ def diagnose(
         later = free_arms(read_input(holdout, by, stored=data)) if holdout else None
         if holdout and later:
             require_distinct([*dates, later])
-            if in_wrong_order(given, later):
-                right = command(
-                    "diagnose", holdout, machine=machine, holdout=path, applied=applied,
-                    recalibrated=recalibrated,
-                )  # fmt: skip
-                raise wrong_order(later, given, right)
+            right = command(
+                "diagnose", holdout, machine=machine, holdout=path, applied=applied,
+                recalibrated=recalibrated,
+            )  # fmt: skip
+            require_order(given, later, right)
         # Without a diagnosis the answer is that of solve.
         diagnosed, needless = None, () if later or accept else (UnusableResultError,)
         with common.working(path), suppress(*needless):
-            diagnosed = inference.diagnose(
+            diagnosed = diagnosis_of(
                 given.measured,
                 given.model,
                 holdout=later.measured if later else None,
@@ -94,18 +90,14 @@ def diagnose(
                 sensitivity=full,
                 recalibrated=recalibrated,
             )
-        case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full)
-        dated = with_dates(case.answer, diagnosed, dates) if together and diagnosed else case.answer
-        case = replace(case, answer=dated, options=options)
+        known = {"holdout": holdout, "details": full, "dates": dates if together else ()}
+        case = replace(common.judged(given, diagnosed=diagnosed, **known), options=options)
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
-            extended = diagnosed.extend(accept, date.today())
-            if case.answer.simulated:  # what is accepted from it is no knowledge of a machine
-                extended = replace(extended, machine=extended.machine.changed(practice=True))
-            write_text(target, machine_text(extended))
+            write_text(target, machine_text(diagnosed.extend(accept, date.today())))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)

@@ -33,7 +33,7 @@ def export(
     from orthoglide_cal.model.kinds import MACHINES
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
-    from orthoglide_cal.results import identify
+    from orthoglide_cal.results.answer import identify
     from orthoglide_cal.results.application import check_measured
 
     if json and format != "text":

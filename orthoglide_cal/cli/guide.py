@@ -40,7 +40,8 @@ def guide(
         names = ", ".join(pages[page].stem for page in dict.fromkeys(near))
         fault = f"The guide has no page {name!r}." + (f" Nearest: {names}." if names else "")
         raise UsageError(fault, "All pages: orthocal guide")
-    text = pages[wanted].read_text(encoding="utf-8")
+    # Above its title stands what other pages take from the page of a cause.
+    text = pages[wanted].read_text(encoding="utf-8").rpartition("---\n\n")[2]
     console = common.console()
     if not console.is_terminal:
         print(text, end="")

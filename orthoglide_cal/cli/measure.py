@@ -83,8 +83,8 @@ def measure(
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal.report.documents.answer import solution_document
     from orthoglide_cal.report.sentences import sentence
+    from orthoglide_cal.session.dialogue import Request, open_session, set_aside
     from orthoglide_cal.session.events import GaugeLabel
-    from orthoglide_cal.session.opening import Request, open_session, set_aside
 
     if discard:
         agrees = common.agreement(yes, "--discard asks before it gives a session up.")
@@ -137,9 +137,8 @@ def guided(
 
     Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
     """
-    from orthoglide_cal.session.asking import Asker
+    from orthoglide_cal.session.asking import Asker, Keyboard
     from orthoglide_cal.session.dialogue import Quit
-    from orthoglide_cal.session.keyboard import Keyboard
 
     names = ("SIGTERM", "SIGHUP", "SIGBREAK")
     caught = [getattr(signal, name) for name in names if hasattr(signal, name)]

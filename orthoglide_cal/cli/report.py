@@ -29,8 +29,8 @@ def report(
     """Write the calibration report."""
     from orthoglide_cal.files.input import latest_session
     from orthoglide_cal.model.measured import DataKind
-    from orthoglide_cal.report.documents.calibration import calibration_document
-    from orthoglide_cal.results import identify
+    from orthoglide_cal.report.documents.reports import calibration_document
+    from orthoglide_cal.results.answer import identify
     from orthoglide_cal.results.verification import verify
     from orthoglide_cal.session.adjusting import adjusted_since
 

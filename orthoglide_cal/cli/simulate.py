@@ -14,8 +14,8 @@ from orthoglide_cal.words import counted
 if TYPE_CHECKING:
     import numpy as np
 
-    from orthoglide_cal.model.cause import Cause, Effect, Place
     from orthoglide_cal.model.machine import Machine
+    from orthoglide_cal.model.model import Cause, Effect, Place
     from orthoglide_cal.model.plan import Plan
 
 
@@ -65,8 +65,8 @@ def simulate(
     """
     import numpy as np
 
-    from orthoglide_cal.files.probe_readings import probe_points_csv
     from orthoglide_cal.files.readings import (
+        probe_points_csv,
         readings_csv,
         session_json,
         session_of_readings,

@@ -16,8 +16,8 @@ def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
     from orthoglide_cal.files.input import printers_in, sessions_in
     from orthoglide_cal.report import document as doc
-    from orthoglide_cal.results import unwritten
-    from orthoglide_cal.session.opening import is_practice, unfinished
+    from orthoglide_cal.results.application import unwritten
+    from orthoglide_cal.session.dialogue import is_practice, unfinished
 
     here, file, machine, known, faulty = Path(), None, None, "none in this folder", ""
     try:
@@ -93,7 +93,6 @@ def _next(
     from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.document import step
     from orthoglide_cal.report.documents.answer import decision_notice, to_do
-    from orthoglide_cal.results.history import precedes
 
     paths, machine = [*map(str, sessions)], file.model.machine if file else None
     last = paths[-1] if paths else ""
@@ -121,7 +120,7 @@ def _next(
             path = str(printers[-1]) if usual and printers else usual
             begin.append(step(text, command(verb, *filter(None, [path]))))
         return [], begin
-    if entry and applied and (applied == last or precedes(read_input(last), entry)):
+    if entry and applied and (applied == last or read_input(last).precedes(entry)):
         again = measure_again(read_input(last))
         return [], [step("Its offsets are entered: measure again", again)]
     if applied and _reported(applied, last):

@@ -21,8 +21,8 @@ def verify(
     overwrite: bool = common.OVERWRITE,
 ) -> int:
     """Compare the predicted effect of a correction with the real one."""
-    from orthoglide_cal.report.documents.verification import verification_document
-    from orthoglide_cal.results import identify
+    from orthoglide_cal.report.documents.reports import verification_document
+    from orthoglide_cal.results.answer import identify
     from orthoglide_cal.results.verification import verify as verified
     from orthoglide_cal.session.adjusting import adjusted_since
 

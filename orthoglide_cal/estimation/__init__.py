@@ -1,20 +1,17 @@
 """Estimation of the joint offsets: one problem, one least squares, covariance, the promise."""
 
 from orthoglide_cal.estimation.arms import free_arms
-from orthoglide_cal.estimation.methods import (
+from orthoglide_cal.estimation.solution import (
     LeastSquaresFit,
     Method,
-    Problem,
-    fit_offsets,
-    pose,
-    pose_plan,
-)
-from orthoglide_cal.estimation.solution import (
     OffsetEstimate,
+    Problem,
     PromisedDifference,
     Solution,
-    exceeds_u,
+    fit_offsets,
     fit_parameters,
+    pose,
+    pose_plan,
     promise,
     solve,
 )

@@ -7,10 +7,9 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.probe_readings import ARMS
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.files.printer_file import ARMS
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.model import Effect, Model, differentiate
 from orthoglide_cal.schema import Reason
 
 # Of a distance by that of a height in DELTA_CALIBRATE, where both are as many.

@@ -15,18 +15,31 @@ from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, computed_field
+from scipy.special import stdtrit
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
-from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate_absent, simulate
+from orthoglide_cal.model.model import CONFIDENCE, Model, differentiate_absent, simulate
 from orthoglide_cal.model.plan import Floats, Plan, read_only
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
 # What adds less than this share of every standard deviation is summed up in one line.
 MINOR = 0.1
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """A standard deviation of one reading [mm] and its (effective) degrees of freedom."""
+
+    sigma_mm: float
+    dof: float
+
+
+def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
+    """Student-t factor of a two-sided interval; the normal one for infinite dof."""
+    return float(stdtrit(dof, 0.5 + confidence / 2.0))
 
 
 class Contribution(Schema):
@@ -190,12 +203,14 @@ def _influences(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
     )
     acting = [*gauges, *hidden]
-    if model.accepted:
-        carried = carried_uncertainty(model, offsets, plan)
-        acting += [
-            Influence(effect.cause.id, None, "", False, columns)
-            for effect, columns in zip(model.accepted, carried, strict=True)
-        ]
+    for k, effect in enumerate(model.accepted):
+        # Its parameters, moved by one standard deviation along each of their uncertainties.
+        theta = effect.theta + np.expand_dims(effect.spread, tuple(range(1, offsets.ndim)))
+        moved = (*model.accepted[:k], replace(effect, theta=theta), *model.accepted[k + 1 :])
+        change = simulate(replace(model, accepted=moved), offsets, plan) - readings
+        # What has no uncertainty changes nothing, in no column.
+        change = np.broadcast_to(change, (len(effect.spread), *readings.shape))
+        acting.append(Influence(effect.cause.id, None, "", False, np.moveaxis(change, 0, -1)))
     if offsets.ndim == 1:
         return tuple(acting)
     # What does not depend on the offsets is the same at all of them.

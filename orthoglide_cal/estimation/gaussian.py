@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.special import erfc
 
-from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly, read_only
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -50,12 +50,12 @@ def shrinking(columns: Floats) -> tuple[Floats, Floats]:
     It makes values independent of which only a few unknowns are in common, C of shape (k, c).
     """
     axes, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return axes, 1.0 / np.sqrt(1.0 + size**2)
+    return read_only(axes), read_only(1.0 / np.sqrt(1.0 + size**2))
 
 
 def shrink(values: Floats, axes: Floats, factors: Floats) -> Floats:
-    """(I − U diag(1 − f) Uᵀ) v of values (k,) or (k, m), with U and f as of `shrinking`."""
-    return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+    """(I − U diag(1 − f) Uᵀ) v of values (k,) or (..., k, m), with U and f as of `shrinking`."""
+    return np.asarray(values - (axes * (1.0 - factors)) @ (axes.T @ values))
 
 
 def whiten_shared(columns: Floats, *values: Floats) -> tuple[Floats, ...]:

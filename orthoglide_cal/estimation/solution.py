@@ -1,52 +1,609 @@
-"""From what was measured to joint offsets, how sure they are, and whether the model fits.
+"""From what was measured to joint offsets: the problem, the methods that pose it, its solution.
 
-And the promise: what the gauges will read once they are entered. Computed here and only here.
+    minimise |d − R·h(Δρ)|² over the joint offsets Δρ        (eq. 25)
+
+d are the data, h the predicted readings and R the reduction of the method: differences of
+readings for the paper's methods, zero-free contrasts of all readings for `readings`.
+
+Gauss–Newton with Levenberg–Marquardt damping where a step does not help; one call solves many
+sessions. The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which
+holds at zero offsets only.
+
+single            eq. 10, pseudoinverse              single-posture differences
+single-sequential eq. 11, one offset after the other
+six-linear        eq. 17, pseudoinverse              max − min
+twelve-linear     eq. 16, pseudoinverse              max − iso, min − iso
+six, twelve       eq. 25, nonlinear least squares on the same differences
+readings          all raw readings at once, one unknown zero per gauge set-up
+
+A solution says whether the data determine the offsets and the model fits. The promise is what the
+gauges will read once these are entered; it is computed here and only here.
 """
 
+from __future__ import annotations
+
+import functools
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cached_property
+from itertools import compress
+from typing import NoReturn
 
 import numpy as np
 from pydantic import Field
+from scipy.special import chdtrc
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.accuracy import (
+from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.estimation.budget import (
+    Budget,
     Scatter,
-    chance_of_residual,
+    budget_of,
+    fixed_influences,
     half_width,
-    require_determined,
-    require_optimum,
-    require_rank,
-    rms,
+    influences,
 )
-from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
-from orthoglide_cal.estimation.gaussian import unexplained
+from orthoglide_cal.estimation.gaussian import shrink, shrinking, unexplained, whiten, whiten_shared
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
-from orthoglide_cal.estimation.methods import (
-    OPTIMAL,
-    Method,
-    Problem,
-    choose_method,
-    fit_offsets,
-    pose,
-    simulate_at,
-    table_kind,
-)
-from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Origin
-from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
-from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
+from orthoglide_cal.model.measured import (
+    DIFFERENCES,
+    DataKind,
+    Difference,
+    Differences,
+    Measured,
+    Readings,
+    notes_on,
+)
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model, differentiate, simulate
+from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.plan import Bools, Floats, Numbers, Plan, ReadOnly, read_only
+from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.schema import Reason, Schema
 
+# A fit is an optimum if the step that is left is at most this [standard deviations].
+OPTIMAL = 1e-3
+MAX_ITERATIONS = 100
+# An undamped step shorter than this is the last one [standard deviations]: over it the model is as
+# good as linear, so that no digit that is shown depends on where a search began.
+SHORT_STEP = 1e-5
+# Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
+ROUNDING_MM = 1e-12
+ROUNDING = 1e-12
+FIRST_DAMPING = 1e-3
+# Singular values below this fraction of the sensitivity of a good plan count as zero.
+NEGLIGIBLE = 1e-6
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
+
+
+# --- contrasts: combinations of readings, weighted by their precision -----------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Contrasts(ReadOnly):
+    """W of shape (k, n), as what it does to readings: combinations that no zero enters.
+
+        W y = D (Qᵀ F y)[s:],   D = I − U diag(1 − f) Uᵀ,   Q = I − V T Vᵀ
+
+    F takes the readings as precise as they are. Q is orthogonal, and its first s columns span the
+    zeros (Householder). It costs n·s steps and numbers instead of n².
+    """
+
+    zeros: Floats  # s columns that span the zeros, orthonormal, (n, s)
+    precision: Floats  # of each reading, shape (n,)
+    # U, orthonormal columns, (k, q), and f, (q,), as of `shrinking`; None where D = I.
+    shrunk: tuple[Floats, Floats] | None = None
+    turned: bool = False  # Wᵀ instead, of shape (n, k)
+
+    # Arrays leave `values @ W` to this class.
+    __array_ufunc__ = None
+
+    @cached_property
+    def _reflected(self) -> tuple[Floats, Floats]:
+        """V, shape (m, s), and T, shape (s, s)."""
+        width = self.zeros.shape[1]
+        packed, _ = np.linalg.qr(self.zeros, mode="raw")
+        v = np.tril(packed.T, -1)
+        v[np.arange(width), np.arange(width)] = 1.0
+        inner = v.T @ v
+        t = np.linalg.inv(np.triu(inner, 1) + np.diag(0.5 * np.diag(inner)))
+        return read_only(v), read_only(t)
+
+    def __len__(self) -> int:
+        return len(self.zeros) - int(self.zeros.shape[1])
+
+    @cached_property
+    def T(self) -> Contrasts:
+        turned = copy(self)
+        vars(turned).update(turned=not self.turned, _reflected=self._reflected)  # worked out once
+        return turned
+
+    def __matmul__(self, values: Floats) -> Floats:
+        """W y of readings (n,), or of columns (..., n, q); Wᵀ d of data if it is turned."""
+        if values.ndim == 1:
+            return np.asarray((self @ values[:, None])[:, 0])
+        v, t = self._reflected
+        width, precision = v.shape[1], self.precision[:, None]
+        if self.turned:
+            values = self._weighed(values)
+            spread = -v @ (t @ (v[width:].T @ values))
+            spread[..., width:, :] += values
+            return np.asarray(precision * spread)
+        values = precision * values
+        inner = t.T @ (v.T @ values)
+        values = values[..., width:, :]
+        values -= v[width:] @ inner
+        return self._weighed(values)
+
+    def __rmatmul__(self, values: Floats) -> Floats:
+        """Y W of rows (..., q, k), or of one row (k,)."""
+        if values.ndim == 1:
+            return self.T @ values
+        return np.asarray(np.swapaxes(self.T @ np.swapaxes(values, -1, -2), -1, -2))
+
+    def _weighed(self, values: Floats) -> Floats:
+        """D d of columns (..., k, q)."""
+        return shrink(values, *self.shrunk) if self.shrunk else values
+
+
+# What reduces readings (n,) to data (k,): a few differences, or contrasts of all of them.
+Reduction = Floats | Contrasts
+
+
+@functools.lru_cache(maxsize=8)
+def zero_free(plan: Plan) -> Contrasts:
+    """Contrasts that no zero enters, of independent, equal noise, shape (n − setups, n).
+
+    Orthonormal where all readings are equally precise. Least squares on the contrasts is
+    generalised least squares on the readings with one unknown zero per set-up.
+    """
+    if plan is not plan.steps:
+        return zero_free(plan.steps)
+    zeros = plan.precision[:, None] * plan.zeros
+    return Contrasts(np.linalg.qr(zeros)[0], plan.precision)
+
+
+def without_zeros(plan: Plan, values: Floats) -> Floats:
+    """Values (..., n) less what gauge zeros can explain: the mean of their set-up."""
+    zeros, _ = np.linalg.qr(plan.zeros)
+    return np.asarray(values - (values @ zeros) @ zeros.T)
+
+
+# --- the problem ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(ReadOnly):
+    """One estimation problem; many data sets may share it."""
+
+    model: Model
+    plan: Plan  # n readings
+    matrix: Reduction  # R, shape (k, n)
+    which: tuple[Difference, ...] = ()  # differences that its data are, if they are any
+
+    def only(self, rows: Bools) -> Problem:
+        """The same of some of its k differences."""
+        which = tuple(compress(self.which, rows))
+        return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
+
+    def weighted(self, ratio: Floats) -> Problem:
+        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
+
+        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
+        """
+        assert isinstance(self.matrix, Contrasts)
+        return replace(self, matrix=replace(self.matrix, shrunk=shrinking(ratio)))
+
+    def predict(self, offsets: Floats) -> Floats:
+        """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
+        return np.asarray(simulate(self.model, offsets, self.plan) @ self.matrix.T)
+
+    def predict_with_jacobian(self, offsets: Floats, strict: bool = True) -> tuple[Floats, Floats]:
+        """R·h and R·∂h/∂Δρ: offsets (..., 3) → (..., k) [mm], (..., k, 3).
+
+        Where a posture cannot be taken: an error if `strict`, NaN otherwise.
+        """
+        plan, matrix = self.plan, self.matrix
+        if offsets.size == offsets.shape[-1]:
+            point = simulate_at(self.model, offsets.reshape(-1), plan, strict)
+            readings, jacobian = (np.reshape(a, (*offsets.shape[:-1], *a.shape)) for a in point)
+        else:
+            readings, jacobian = differentiate(self.model, offsets, plan, strict=strict)
+        return np.asarray(readings @ matrix.T), np.asarray(matrix @ jacobian)
+
+    @cached_property
+    def at_zero(self) -> tuple[Floats, Floats]:
+        """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""
+        zero = np.zeros(len(self.model.machine.parameter_names))
+        predicted, jacobian = self.predict_with_jacobian(zero)
+        return read_only(predicted), read_only(jacobian)
+
+    def covariance(self) -> Floats:
+        """R Rᵀ: covariance of the data for unit variance of a common reading (eqs. 28, 31), (k, k).
+
+        Of differences: contrasts are independent.
+        """
+        return self.spread(np.eye(len(self.matrix)))
+
+    def spread(self, estimator: Numbers) -> Floats:
+        """M R Rᵀ Mᵀ: the same of what an estimator M (..., p, k) makes of the data, (..., p, p).
+
+        V(Δρ)/σ² where M = (JᵀJ)⁻¹Jᵀ, of J at the solution (eqs. 26, 29, 32).
+        """
+        moved = (estimator @ self.matrix) / self.plan.precision
+        return np.asarray(moved @ moved.swapaxes(-1, -2))
+
+    def whitened(self, ratio: Floats, *values: Floats) -> tuple[Floats, ...]:
+        """Values, each (k,) or (k, q), made independent if their covariance is R Rᵀ + C Cᵀ.
+
+        `ratio` is C, shape (k, c), in standard deviations of one reading.
+        """
+        if not isinstance(self.matrix, Contrasts):
+            return whiten(self.covariance() + ratio @ ratio.T, *values)
+        return whiten_shared(ratio, *values)
+
+    def remaining(self, data: Floats, offsets: Floats) -> Floats:
+        """Distance of the offsets from the least-squares optimum, recomputed from the data.
+
+        |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
+        noise σ: no offset would move by more than as many of its standard deviations. Zero at a
+        stationary point of eq. (25), NaN where the model cannot be evaluated.
+
+        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
+        """
+        predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
+        return self.length(jacobian, normal_step(jacobian, data - predicted))
+
+    def length(self, jacobian: Floats, step: Floats) -> Floats:
+        """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
+        moved = np.einsum("...kp,...p->...k", jacobian, step)
+        noise = self.model.machine.instrument.noise_mm
+        return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
+
+
+def simulate_at(
+    model: Model, offsets: Floats, plan: Plan, strict: bool = True
+) -> tuple[Floats, Floats]:
+    """`differentiate` at one point (3,), kept for other weights and other sessions."""
+    same = plan.steps if model.repeats else plan
+    readings, jacobian = _simulate_at(model, tuple(offsets.tolist()), same)
+    if strict and not np.isfinite(readings).all():
+        simulate(model, offsets, plan)  # raises an error that says where
+    return readings, jacobian
+
+
+@functools.lru_cache(maxsize=8)
+def _simulate_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[Floats, Floats]:
+    readings, jacobian = differentiate(model, np.array(offsets), plan, strict=False)
+    return read_only(readings), read_only(jacobian)
+
+
+def normal_step(jacobian: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
+    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr: (..., k, p), (..., k) → (..., p).
+
+    NaN where the model cannot be evaluated.
+    """
+    turned = np.swapaxes(jacobian, -1, -2)
+    normal, gradient = turned @ jacobian, turned @ residual[..., None]
+    # Scaled, so that lengths and angles weigh alike.
+    size = np.sqrt(np.einsum("...ii->...i", normal))
+    unit = np.eye(jacobian.shape[-1])
+    scaled = normal / (size[..., :, None] * size[..., None, :])
+    scaled = scaled + np.asarray(damping)[..., None, None] * unit
+    fine = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
+    solved = np.linalg.solve(np.where(fine, scaled, unit), gradient / size[..., None])
+    return np.asarray(np.where(fine[..., 0], solved[..., 0] / size, np.nan))
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquaresFit(ReadOnly):
+    """Offsets of a batch of sessions."""
+
+    offsets_mm: Floats  # (..., 3)
+    residuals_mm: Floats  # d − R·h, (..., k)
+    remaining: Floats  # as of `Problem.remaining`, before the last short step, (...)
+
+    @property
+    def converged(self) -> np.ndarray:
+        """True where nothing is left of the step, shape (...); a NaN is no."""
+        return np.asarray(self.remaining <= OPTIMAL)
+
+
+# What fails on the way shows as NaN and is refused there; warnings would say nothing more.
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")
+def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
+    """Minimise |d − R·h(Δρ)|² for each data set d, shape (..., k) [mm], of one problem.
+
+    `start` are first offsets, shape (..., p) [mm]; zero if None. Look at `converged` before using a
+    number of the fit.
+    """
+    batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
+    count, width = len(flat), len(problem.model.machine.parameter_names)
+    first = np.zeros((1, width)) if start is None else start.reshape(-1, width)
+    if start is None:
+        model, slope = problem.at_zero
+    else:
+        model, slope = problem.predict_with_jacobian(first, strict=False)
+    offsets = np.broadcast_to(first, (count, width)).copy()
+    jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
+    residual, damping = flat - model, np.zeros(count)
+    step = normal_step(jacobian, residual)
+    left = problem.length(jacobian, step)
+    for _ in range(MAX_ITERATIONS):
+        which = np.flatnonzero(left > SHORT_STEP)
+        if not which.size:
+            break
+        if np.any(damping[which]):
+            careful = which[damping[which] > 0.0]
+            step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
+        trial = offsets[which] + step[which]
+        model, slope = problem.predict_with_jacobian(trial, strict=False)
+        after = flat[which] - model
+        # A step whose gain is lost in rounding is taken; a NaN cost (posture out of reach)
+        # compares false and is refused like a worse one.
+        cost = (residual[which] ** 2).sum(axis=-1)
+        slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
+        better = (after**2).sum(axis=-1) <= cost + slack
+        moved = which[better]
+        offsets[moved], residual[moved] = trial[better], after[better]
+        jacobian[moved] = slope[better]
+        step[moved] = normal_step(jacobian[moved], residual[moved])
+        left[moved] = problem.length(jacobian[moved], step[moved])
+        more = np.maximum(10.0 * damping[which], FIRST_DAMPING)
+        less = damping[which] / 10.0
+        damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
+    last = np.where(left <= SHORT_STEP, step.T, 0.0).T
+    offsets += last
+    residual -= (jacobian @ last[..., None])[..., 0]
+    return LeastSquaresFit(
+        offsets.reshape(*batch, width),
+        residual.reshape(data.shape),
+        left.reshape(batch),
+    )
+
+
+# --- methods --------------------------------------------------------------------------------------
+
+
+DESCRIPTIONS = {
+    DataKind.READINGS: "raw readings",
+    DataKind.SIX: "six differences (max − min)",
+    DataKind.TWELVE: "twelve differences (relative to iso)",
+    DataKind.SINGLE: "single-posture differences",
+}
+
+
+class Method(StrEnum):
+    """An estimator, by the name that users know."""
+
+    SINGLE = "single"
+    SINGLE_SEQUENTIAL = "single-sequential"
+    SIX_LINEAR = "six-linear"
+    TWELVE_LINEAR = "twelve-linear"
+    SIX = "six"
+    TWELVE = "twelve"
+    READINGS = "readings"
+
+    @property
+    def uses(self) -> DataKind:
+        """Data that it compares with the model: all readings, or differences of them."""
+        return DataKind(self.partition("-")[0])
+
+    @property
+    def linear(self) -> bool:
+        """True if it solves with the Jacobian at zero offsets instead of iterating."""
+        return self not in (Method.SIX, Method.TWELVE, Method.READINGS)
+
+    def estimator(self, problem: Problem) -> Floats:
+        """M of a linear method, Δρ = M d with the Jacobian J at zero offsets, shape (3, k).
+
+        (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11).
+
+        Raises:
+            UnusableResultError: eq. (11) lacks one of its six differences.
+        """
+        jacobian = problem.at_zero[1]
+        if self is Method.SINGLE_SEQUENTIAL:
+            return _sequential(jacobian, problem.which)
+        return np.asarray(np.linalg.pinv(jacobian), dtype=np.float64)
+
+
+def choose_method(measured: Measured, name: str | None) -> Method:
+    """The method asked for, or the default for this kind of data.
+
+    Raises:
+        UsageError: unknown name, or a method that these data cannot feed.
+    """
+    if name is None:
+        return Method(measured.kind)
+    if name not in list(Method):
+        raise UsageError(f"There is no method {name!r}.", f"Choose one of {', '.join(Method)}.")
+    usable = [method for method in Method if method.uses in measured.kinds]
+    if name not in usable:
+        raise UsageError(
+            f"Method {name} cannot use {DESCRIPTIONS[measured.kind]}.",
+            f"Choose one of {', '.join(usable)}.",
+        )
+    return Method(name)
+
+
+def table_kind(measured: Measured) -> DataKind:
+    """The differences in which results are shown: those of Table 4, or single-posture ones."""
+    return DataKind.SIX if DataKind.SIX in measured.kinds else DataKind.SINGLE
+
+
+@functools.lru_cache(maxsize=8)
+def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
+    """The problem that a method makes of readings, whatever these will be.
+
+    Differences that the plan lacks are left out.
+    """
+    if kind is DataKind.READINGS:
+        return Problem(model, plan, zero_free(plan))
+    wanted = DIFFERENCES[kind]
+    matrix = reduction(kind, wanted, model.machine, plan.steps)
+    return Problem(model, plan, matrix, wanted).only(np.abs(matrix).sum(axis=1) > 0.0)
+
+
+def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:
+    """Reduce the data to what is compared with the model, of a kind that can be made of them.
+
+    The problem, and its data (k,) [mm]. Differences that they lack are left out.
+    """
+    if isinstance(measured, Readings):
+        problem = pose_plan(measured.plan, model, kind)
+        return problem, problem.matrix @ measured.value
+    wanted = DIFFERENCES[kind]
+    values = dict(zip(measured.which, measured.value.tolist(), strict=True))
+    if measured.kind is DataKind.TWELVE and kind is DataKind.SIX:
+        ends = [(Difference(s, Posture.MAX), Difference(s, Posture.MIN)) for s, _ in wanted]
+        values = {
+            six: values[high] - values[low]
+            for six, (high, low) in zip(wanted, ends, strict=True)
+            if high in values and low in values
+        }
+    kept = tuple(difference for difference in wanted if difference in values)
+    # The readings behind the printed differences: one of each cell, so that a difference of
+    # the twelve shares its isotropic reading with its partner (errata, eq. 30).
+    plan = ideal_plan(measured.kind, model.machine)
+    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan), kept)
+    return problem, np.array([values[difference] for difference in kept])
+
+
+def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
+    """M of eq. (11): Δρ_z from the isotropic posture, then Δρ_x and Δρ_y, shape (3, 6).
+
+        Δρ_z = (Δz_x0 + Δz_y0)/2,  Δρ_i = Σ_k a_k (Δz_i^k − Δρ_z)/Σ_k a_k²,  k = max, min
+
+    These are three weighted sums W d = W J Δρ of the differences, solved for the offsets. Written
+    so, it also holds where accepted causes couple the isotropic differences with Δρ_x and Δρ_y.
+
+    Args:
+        jacobian: Jacobian at zero offsets, shape (6, 3).
+        which: the differences of its rows.
+    """
+    needed = DIFFERENCES[DataKind.SINGLE]
+    missing = [difference.name for difference in needed if difference not in which]
+    if missing:
+        raise UnusableResultError(
+            f"Eq. (11) needs all six differences; {', '.join(missing)} missing.",
+            "Measure them, or use --method single.",
+        )
+    at_iso, moved = needed[:2], (needed[2:4], needed[4:])
+    weights = np.zeros((3, len(which)))
+    weights[2, [which.index(difference) for difference in at_iso]] = 1.0
+    for axis, pair in enumerate(moved):
+        rows = [which.index(difference) for difference in pair]
+        weights[axis, rows] = jacobian[rows, axis]
+    return np.asarray(np.linalg.solve(weights @ jacobian, weights), dtype=np.float64)
+
+
+# --- whether data determine the offsets -----------------------------------------------------------
+
+
+def _free_directions(matrix: Floats, scale: float) -> Floats:
+    """Offset directions that the rows of the matrix (k, 3) do not see, shape (m, 3)."""
+    # Not fewer rows than columns: each direction has a singular value.
+    padded = np.vstack((matrix, np.zeros((matrix.shape[1], matrix.shape[1]))))
+    _, values, vectors = np.linalg.svd(padded, full_matrices=False)
+    return np.asarray(vectors[values <= NEGLIGIBLE * scale])
+
+
+@functools.lru_cache(maxsize=8)
+def require_rank(problem: Problem) -> None:
+    """Refuse data that do not determine all offsets.
+
+    Raises UnusableResultError, with the offsets and the readings that fix it.
+    """
+    matrix = problem.at_zero[1]
+    free = _free_directions(matrix, float(np.abs(matrix).max(initial=0.0)) or 1.0)
+    if len(free):
+        _refuse(problem, np.abs(free).max(axis=0) > NEGLIGIBLE)
+
+
+def require_determined(problem: Problem) -> None:
+    """Refuse data that tell no more of a parameter than is known of any such machine.
+
+    On the nominal machine with the stated noise: what a search must stand on. Raises as
+    `require_rank`.
+    """
+    machine, estimator = problem.model.machine, np.linalg.pinv(problem.at_zero[1])
+    std = machine.instrument.noise_mm * np.sqrt(np.diag(problem.spread(estimator)))
+    free = ~np.array(machine.determined(NORMAL_K * std))
+    if free.any():
+        _refuse(problem, free)
+
+
+def require_optimum(problem: Problem, fit: LeastSquaresFit) -> LeastSquaresFit:
+    """The fit; raises UnusableResultError: no optimum of the data, or of the first of several."""
+    if not fit.converged.flat[0]:
+        require_determined(problem)
+        many = problem.model.machine.vocabulary.many
+        raise UnusableResultError(
+            f"No {many} fit these data: the search does not settle.",
+            "Check the machine file and the readings; validate names every fault.",
+        )
+    return fit
+
+
+def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
+    """Raises UnusableResultError for the parameters that are `free`, shape (p,).
+
+    With the fewest differences that complete the rank.
+    """
+    machine, matrix = problem.model.machine, problem.at_zero[1]
+    fault = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
+    fault = f"These readings do not determine {fault}."
+    if machine.vocabulary.fewest:
+        raise UnusableResultError(fault, machine.vocabulary.fewest)
+    kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
+    ideal = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
+    sensitivity = ideal.at_zero[1]
+    scale, chosen = np.abs(sensitivity).max(), list[str]()
+    while len(free := _free_directions(matrix, scale)):
+        # The one that sees most of what no other does.
+        best = int(np.argmax(np.linalg.norm(sensitivity @ free.T, axis=1)))
+        series, posture = ideal.which[best]
+        where = f"at {posture}, joint end and tool end"
+        if posture is None:
+            where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
+        chosen.append(f"{series.words}, {where}")
+        matrix = np.vstack((matrix, sensitivity[best]))
+    raise UnusableResultError(fault, f"Add readings of {'; '.join(chosen)}.")
+
+
+# --- the solution ---------------------------------------------------------------------------------
+
+
+def rms(values: Floats) -> float:
+    """Root mean square, in the unit of the values."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
+    """σ from readings (n,) [mm] that repeat each other exactly; None without repeats.
+
+    They share a gauge set-up, or a spot of the bed, so this may understate the real scatter.
+    """
+    cell = plan.repeats
+    count = np.bincount(cell)
+    dof = int(len(plan) - count.size)
+    if dof == 0:
+        return None
+    mean = np.bincount(cell, weights=values) / count
+    apart = plan.precision * (values - mean[cell])
+    return Scatter(float(np.sqrt((apart**2).sum() / dof)), float(dof))
+
+
+def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> float:
+    """Chance that noise of σ alone leaves a larger sum of squares (χ² test); 1 without dof."""
+    return float(chdtrc(dof, sum_of_squares / sigma_mm**2)) if dof > 0 else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +629,8 @@ class Solution(OffsetEstimate):
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
 
     @property
-    def sigma_residuals_mm(self) -> float | None:
-        """Standard deviation of one reading from the residuals; None without degrees of freedom."""
-        return None if self.scatter is None else self.scatter.sigma_mm
-
-    @property
     def dof(self) -> int:
-        """Degrees of freedom of it (effective ones, rounded)."""
+        """Degrees of freedom of the residuals."""
         return 0 if self.scatter is None else round(self.scatter.dof)
 
     @property
@@ -90,38 +642,29 @@ class Solution(OffsetEstimate):
         return chance_of_residual(sum_of_squares, self.scatter.dof, self.stated_mm)
 
     @cached_property
-    def _fit(self) -> tuple[float, Floats]:
-        """r.m.s. before, and what is predicted for each entry of the file.
-
-        Of readings about the model with fitted gauge zeros; else of the differences that the
-        method uses, as in Table 4.
-        """
+    def predicted_mm(self) -> Floats:
+        """For each entry of the file, with fitted gauge zeros, shape (count,) [mm]."""
         measured, model = self.measured, self.model
         if isinstance(measured, Differences):
             every, _ = pose(measured, model, measured.kind)
             order = [every.which.index(difference) for difference in measured.which]
-            return rms(self.data), read_only(every.predict(self.offsets_mm)[order])
-        plan, points = measured.plan, (0.0 * self.offsets_mm, self.offsets_mm)
-        simulated = np.stack([simulate_at(model, x, plan)[0] for x in points])
-        before, after = without_zeros(plan, measured.value - simulated)
-        # Of readings that are less precise than most, as much less counts.
-        return rms(plan.precision * before), read_only(measured.value - after)
-
-    @property
-    def predicted_mm(self) -> Floats:
-        """For each entry of the file, with fitted gauge zeros, shape (count,) [mm]."""
-        return self._fit[1]
+            return read_only(every.predict(self.offsets_mm)[order])
+        readings, _ = simulate_at(model, self.offsets_mm, measured.plan)
+        return read_only(measured.value - without_zeros(measured.plan, measured.value - readings))
 
     @property
     def rms_before_mm(self) -> float:
-        """Root mean square of the data with zero offsets."""
-        return self._fit[0]
+        """Root mean square with zero offsets: of differences themselves, as in Table 4."""
+        if isinstance(self.measured, Differences):
+            return rms(self.data)
+        return self.at(0.0 * self.offsets_mm).rms_after_mm
 
     @property
     def rms_after_mm(self) -> float:
         """Root mean square of the residuals."""
         if isinstance(self.measured, Differences):
             return rms(self.residuals_mm)
+        # Of readings that are less precise than most, as much less counts.
         return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
 
     def require_possible(self) -> None:
@@ -139,7 +682,7 @@ class Solution(OffsetEstimate):
                 "Check the unit and the decimal marks of the readings, and the machine file.",
             )
 
-    def at(self, offsets: Floats) -> "Solution":
+    def at(self, offsets: Floats) -> Solution:
         """The same model at other offsets, shape (3,) [mm], with what they leave."""
         left = self.data - self.problem.predict(offsets)
         return replace(self, offsets_mm=offsets, residuals_mm=left)
@@ -147,9 +690,9 @@ class Solution(OffsetEstimate):
     @property
     def warnings(self) -> tuple[Reason, ...]:
         """Remarks on the data."""
-        gauge, scatter = self.model.machine.instrument, self.sigma_residuals_mm
+        gauge, scatter = self.model.machine.instrument, self.scatter
         remarks = (*gauge.doubts(self.measured), *notes_on(self.measured))
-        if scatter is None or scatter >= gauge.rounding_mm:
+        if scatter is None or scatter.sigma_mm >= gauge.rounding_mm:
             return remarks
         return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
 
@@ -206,7 +749,7 @@ def fit_parameters(
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
     elif offsets is None:
-        offsets = _search(problem, data)
+        offsets = require_optimum(problem, fit_offsets(problem, data)).offsets_mm
     plan, gauge = problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
@@ -223,7 +766,7 @@ def fit_parameters(
     if chosen is Method.READINGS and _possible(offsets, model):
         problem = problem.weighted(problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         data = problem.matrix @ measured.value
-        offsets = _search(problem, data, offsets)
+        offsets = require_optimum(problem, fit_offsets(problem, data, offsets)).offsets_mm
     readings, jacobian = simulate_at(model, offsets, plan)
     if not chosen.linear:
         residuals = data - problem.matrix @ readings
@@ -271,13 +814,6 @@ def require_settings(measured: Measured) -> None:
     if (excerpt := measured.source.excerpt) and excerpt.unknown:
         remedy = "Copy it from the printer (/sys). If there is none, delete M501 from this copy."
         raise UnusableResultError(excerpt.unknown, remedy)
-
-
-def _search(problem: Problem, data: Floats, start: Floats | None = None) -> Floats:
-    """The offsets of one data set by least squares, (3,). Raises UnusableResultError."""
-    fit = fit_offsets(problem, data, start)
-    require_optimum(problem, fit)
-    return fit.offsets_mm
 
 
 class PromisedDifference(Schema):
@@ -348,9 +884,3 @@ def promise(
         PromisedDifference(name=which.name, **dict(zip(names, row, strict=True)))
         for which, row in zip(problem.which, rows, strict=True)
     )
-
-
-def exceeds_u(promised: Sequence[PromisedDifference]) -> bool:
-    """Return whether more is left after the correction than its uncertainty allows for."""
-    left = sum(row.expected_mm**2 for row in promised)
-    return left > sum(row.expanded_mm**2 for row in promised)

@@ -15,17 +15,21 @@ position_endstop is the height of the nozzle, in the middle, at which it trigger
 
 Only these values change: every other byte stays, and so do line ends, encoding, file mode and
 links. The file is a path, or the address of a Moonraker server.
+
+`halcmd` (its manual page) sets the home offsets of a LinuxCNC that runs on this computer; nothing
+here can move a machine.
 """
 
 import hashlib
 import math
 import re
+import subprocess
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -35,10 +39,9 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
-from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Corrections, Machine, Written, WrittenTable, WrittenValue
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Cause, Effect, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Reason
@@ -55,6 +58,7 @@ _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
 # Of more digits it may be infinite.
 _ANY_NUMBER = re.compile(r"[-+]?([0-9]{1,20}(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,2})?")
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
+_JOINT = re.compile(r"\[JOINT_([0-9])\].*")
 _COORDINATES = re.compile(r"\bcoordinates\s*=\s*[\"']?(\w+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
 _INCLUDED = re.compile(
@@ -122,6 +126,11 @@ class ControllerFile(ABC):
     def corrects(self, machine: Machine) -> list[str]:
         """Ids of the causes that it can take away."""
         return [id for id, cause in CAUSES.items() if not self.hindrance(cause, machine)]
+
+    def running(self) -> str | None:
+        """None if no LinuxCNC runs on this computer, or the file is of another controller; "" if
+        one has this INI and the offsets it holds. Else why nothing is set there, in a sentence."""
+        return None
 
     @property
     def sha256(self) -> str:
@@ -312,6 +321,35 @@ class LinuxCnc(ControllerFile):
         path = str(Path(self.target).parent / name)
         return lines, WrittenTable(path=path, sha256=digest, text=text)
 
+    def running(self) -> str | None:
+        if self.is_live():
+            return ""
+        if (path := running_ini()) is None:
+            return None
+        other = "home offsets than its INI" if str(path) == self.target else f"settings, {path}"
+        return f"A LinuxCNC runs on this computer with other {other}: nothing is set there."
+
+    def is_live(self, *, anew: bool = False) -> bool:
+        """True if a LinuxCNC on this computer has this INI and these home offsets, by `halcmd`.
+
+        With `anew` they are set before; they are in force at the next homing.
+        """
+        if str(running_ini()) != self.target:  # nor one whose INI nobody can tell
+            return False
+        held = [self.settings[axis] for axis in AXES]
+        pins = [_JOINT.sub(r"ini.\1.home_offset", value.key) for value in held]
+        values = [float(value.before) for value in held]
+        lines = [f"setp {pin} {v.before}\n" for pin, v in zip(pins, held, strict=True) if anew]
+        lines += [f"getp {pin}\n" for pin in pins]
+        try:
+            run = subprocess.run(
+                ["halcmd", "-f"],
+                input="".join(lines), capture_output=True, text=True, check=True, timeout=5.0,
+            )  # fmt: skip
+            return np.allclose(np.array(run.stdout.split(), float), values, rtol=1e-6, atol=1e-6)
+        except (OSError, subprocess.SubprocessError, ValueError):
+            return False
+
 
 class Klipper(ControllerFile):
     """A printer.cfg: a new value stands in the place of the old one."""
@@ -432,7 +470,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
 def _klipper(target: str, data: bytes) -> Klipper:
     """A printer.cfg."""
     printer = Settings(document_from_bytes(data, target))
-    printer.problems += printer.dropped[:1]
+    printer.problems += printer.dropped
     printer.check()
     heading = printer.heading or math.inf
     settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
@@ -490,3 +528,14 @@ def replace_file(target: str, before: str, data: bytes) -> None:
         moonraker.upload(server, data)
     else:
         write_text(Path(target).resolve(), data, overwrite=True)
+
+
+def running_ini() -> Path | None:
+    """The INI of the LinuxCNC that runs on this computer; None if none runs, or nobody can tell."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, ValueError, IndexError):
+            words = (process / "cmdline").read_bytes().decode().split("\0")
+            if PurePath(words[0]).name == "linuxcncsvr":
+                path = process / "cwd" / words[words.index("-ini") + 1]
+                return Path(str(path.resolve()).removesuffix(".expanded"))
+    return None

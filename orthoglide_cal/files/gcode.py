@@ -38,8 +38,7 @@ from pathlib import PurePath
 import numpy as np
 
 from orthoglide_cal.errors import InputError, PostureError
-from orthoglide_cal.files.faults import Content
-from orthoglide_cal.files.probe_readings import (
+from orthoglide_cal.files.printer_file import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     PrinterFile,
@@ -51,6 +50,7 @@ from orthoglide_cal.files.probe_readings import (
     within,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.tree import Content
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.plan import Floats
@@ -156,7 +156,9 @@ def _three(words: Words, code: str, usual: float = 0.0, letters: str = "XYZ") ->
 
 
 def own_codes(document: FileText) -> PrinterFile | None:
-    """Settings that a text holds itself; None if it has none."""
+    """Settings that a text holds itself, with what config.g loads; None if it has none."""
+    if PurePath(document.path).name == "config.g":
+        return codes_beside(document)
     return read_codes(document) if SETTINGS.search(document.text) else None
 
 
@@ -302,7 +304,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             in_grid &= not grid
         with faults.noting(number, value=line.strip()):
             if match := _BED.search(line):
-                x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
+                x, y, height = (within(text) for text in match.groups())
                 bed.append((number, x - offset[0], y - offset[1], height))
             if calibrating and (match := _AT_RADIUS.search(line)):
                 radius, printed_radius = within(match[1], 0.0), True
@@ -311,11 +313,11 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
                     turn, away = math.radians(_TURNS.get(name, 0.0)), radius * (name != "c")
                     at = away * math.cos(turn), away * math.sin(turn)
                     circle = [] if name == "c" else circle
-                    circle.append((number, *at, within(text, -LARGEST_MM)))
+                    circle.append((number, *at, within(text)))
             elif calibrating and (printed := _SETTING.findall(line)):
                 before = changes[-1][1]
                 words = words_of(before, True, offset[2])
-                words |= {_PRINTED[name]: [within(text, -LARGEST_MM)] for name, text in printed}
+                words |= {_PRINTED[name]: [within(text)] for name, text in printed}
                 machine = _stated(before, words, True, offset[2])
                 old, new = ((*m.active, *m.tower_angles_deg) for m in (before, machine))
                 if not np.allclose(old, new, rtol=0.0, atol=_ROUNDED):
@@ -420,7 +422,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     rows = []
     for line, parts in lines:
         with faults.noting(line, value=" ".join(parts)):
-            x, y, height = (within(part, -LARGEST_MM) for part in parts)
+            x, y, height = (within(part) for part in parts)
             if not math.hypot(x, y) > reach:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()

@@ -5,9 +5,10 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from glob import escape
 from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path, PurePath
 from typing import Annotated, Literal, NamedTuple, cast
 
@@ -15,24 +16,22 @@ import numpy as np
 from pydantic import InstanceOf, PlainSerializer
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
+from orthoglide_cal.files import gcode, klipper, machine_file
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.files.probe_readings import PrinterFile
+from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
-    Table,
     conditions_in,
-    differences_from_table,
     implausible_temperatures,
-    readings_in,
+    measured_in,
     session_from_tree,
 )
 from orthoglide_cal.files.text import FileText, document_from_bytes, read_bytes, read_document
-from orthoglide_cal.files.yaml_tree import YAML_LIMIT, load_tree
+from orthoglide_cal.files.tree import YAML_LIMIT, load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import MACHINE_FILE, Reason, Schema, Sentence
 
 # The machine that the user names, or the settings of its firmware.
@@ -44,41 +43,51 @@ _KEY = re.compile(
     r"^(machine|readings|finished|started|kind|leg_length_mm):[ \t]*(.*)$", re.MULTILINE
 )
 
-_NO_READINGS = {
-    "a journal of orthocal": re.compile(r'\A\{"crc32":'),
-    "LinuxCNC's INI": re.compile(r"^\[(EMC|KINS|TRAJ|JOINT_\d)\]", re.MULTILINE),
-    "G-code": re.compile(r"\A(?:[ \t]*(?:;.*)?\n)*[GM]\d+\b"),
-}
 ADJUSTMENT = ".adjust"  # ending of the journal of one, not that of a session
 # The header of a table of gauge readings, or of differences.
 _GAUGED = re.compile(
     r"^(?!#)(?=.*\b(?:leg|difference|x_mm)\b).*\b(?:reading_mm|reading_in|value_mm)\b", re.M | re.I
 )
 _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
+# A date in the name of a file, perhaps with the time.
+_IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
 
 
 class _Format(NamedTuple):
-    """Form in which a firmware writes touches; it does not say which printer they are from."""
+    """Form of a text that is neither YAML nor a table of ours, recognised by a mark in it."""
 
-    mark: re.Pattern[str]
-    firmware: str  # as an export names it
     title: str
-    named: str  # what gives its settings: --machine …
-    settings: Callable[[FileText], PrinterFile | None]  # in the same file, or beside it
-    read: Callable[[FileText, PrinterFile], PrinterFile]
+    mark: re.Pattern[str]
+    remedy: str = ""  # where nothing says which printer it is from, or it holds no readings
+    firmware: str = ""  # as an export names it
+    # Reads what was probed, with the settings; None where it holds no readings.
+    read: Callable[..., PrinterFile] | None = None
+    # Reads the settings, in the same file or beside it; None where `read` does.
+    settings: Callable[[FileText], PrinterFile | None] | None = gcode.own_codes
 
 
+_NAME = "Name its settings: --machine "
+_GIVE = "Give the readings: a CSV, a session, or a printer's file."
+# The first whose mark is there.
 _FORMATS = (
-    _Format(gcode.HEIGHT_MAP, "reprapfirmware", "a height map of RepRapFirmware", "config.g",
-            gcode.codes_beside, gcode.read_height_map),
-    _Format(klipper.PROBED, "klipper", "what Klipper's console prints", "printer.cfg",
-            klipper.settings_beside, klipper.read_probed),
-    _Format(gcode.MARLIN_OUTPUT, "marlin", "what Marlin or MarlinKimbra prints",
-            "FILE, or keep what M503 prints in this file", gcode.own_codes, gcode.read_marlin),
-    _Format(gcode.PROBE_HEIGHTS, "reprapfirmware", "what RepRapFirmware's console prints",
-            "config.g", gcode.codes_beside, gcode.read_listed),
-    _Format(gcode.REPETIER_MAP, "text", "a map of Repetier (G33)", "FILE",
-            gcode.own_codes, gcode.read_listed),
+    _Format("Klipper's log", klipper.KLIPPY_LOG, read=klipper.read_klippy_log, settings=None),
+    _Format("a printer.cfg", machine_file.PRINTER_SECTION,
+            read=klipper.read_printer_file, settings=None),
+    _Format("a height map of RepRapFirmware", gcode.HEIGHT_MAP, _NAME + "config.g",
+            "reprapfirmware", gcode.read_height_map, gcode.codes_beside),
+    _Format("what Klipper's console prints", klipper.PROBED, _NAME + "printer.cfg",
+            "klipper", klipper.read_probed, klipper.settings_beside),
+    _Format("what Marlin or MarlinKimbra prints", gcode.MARLIN_OUTPUT,
+            _NAME + "FILE, or keep what M503 prints in this file", "marlin", gcode.read_marlin),
+    _Format("what RepRapFirmware's console prints", gcode.PROBE_HEIGHTS, _NAME + "config.g",
+            "reprapfirmware", gcode.read_listed, gcode.codes_beside),
+    _Format("a map of Repetier (G33)", gcode.REPETIER_MAP, _NAME + "FILE",
+            "text", gcode.read_listed),
+    _Format("a firmware's settings file", gcode.SETTINGS,
+            "Give what was probed, such as heightmap.csv, and this file by --machine."),
+    _Format("a journal of orthocal", re.compile(r'\A\{"crc32":'), _GIVE),
+    _Format("LinuxCNC's INI", re.compile(r"^\[(EMC|KINS|TRAJ|JOINT_\d)\]", re.MULTILINE), _GIVE),
+    _Format("G-code", re.compile(r"\A(?:[ \t]*(?:;.*)?\n)*[GM]\d+\b"), _GIVE),
 )  # fmt: skip
 
 
@@ -102,6 +111,23 @@ class Input:
     def name(self) -> str:
         """Name of its file, without the folder."""
         return PurePath(self.measured.source.path).name
+
+    @property
+    def moment(self) -> datetime | None:
+        """When it was measured: as it says, else as its name says."""
+        named = _IN_NAME.search(self.name)
+        name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
+        with suppress(ValueError):
+            moment = datetime.fromisoformat((self.conditions.started or name).strip())
+            return moment.replace(tzinfo=moment.tzinfo or UTC)
+        return None
+
+    def precedes(self, entry: Entered) -> bool:
+        """True if it was measured before this entry, as its date and the values active then say."""
+        moment, entered = self.moment, datetime.fromisoformat(entry.date)
+        active = self.model.machine.active == entry.active[0]
+        entered = entered.replace(tzinfo=entered.tzinfo or UTC)
+        return active and moment is not None and moment < entered
 
 
 class CheckedFile(Schema):
@@ -154,11 +180,21 @@ def read_input(
     not text.
     """
     document = source if isinstance(source, FileText) else read_document(source)
-    if _is_yaml(document):
-        return Input(*session_from_tree(load_tree(document), _as_model(model)))
-    if file := _firmware_file(document, model, otherwise):
-        return _printer(file, model, stored)
-    return _table(document, _as_model(model), otherwise)
+    format, known = _format_of(document), model
+    if isinstance(known, PrinterFile):
+        known = Model(known.on_bed(known.machine.delta_radius_mm).machine)
+    if _is_yaml(document, format):
+        return Input(*session_from_tree(load_tree(document), known))
+    if format:
+        return _printer(_firmware_file(document, format, model, otherwise), known, stored)
+    # A table says nothing of the controller: where offsets from it were entered, the machine file
+    # tells what was active before; else what is active now.
+    judge = known or otherwise()
+    entered = judge.machine.entered_from(document.sha256)
+    if entered and entered.before:
+        judge = judge.holding(entered.active[0], entered.corrected_before)
+    measured = measured_in(document, judge.machine)
+    return Input(measured, judge, conditions_in(measured))
 
 
 def check_file(
@@ -176,7 +212,8 @@ def check_file(
     try:
         file = document_from_bytes(data, path)
         input = input.changed(sha256=file.sha256)
-        if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
+        tree = load_tree(file) if _is_yaml(file, _format_of(file)) else None
+        if tree and machine_file.is_machine_file(tree):
             held = machine_file.machine_file_in(tree)
             machine, input = held.model.machine, input.changed(kind="machine")
             doubtful, remarks = bool(machine.instrument.implausible()), held.remarks
@@ -227,6 +264,40 @@ def require_distinct(inputs: Sequence[Input]) -> None:
         others = {data.measured.source.excerpt for data in inputs[pair[0]].others}
         other = "".join(f" Or try --data {excerpt.data}." for excerpt in others if excerpt)
         raise UsageError(fault, f"Name another measurement.{other}")
+
+
+def in_order(inputs: Sequence[Input]) -> tuple[list[Input], list[datetime]]:
+    """The inputs in order of time, and their times; as given, without, unless all have one."""
+    dated = [(at, given) for given in inputs if (at := given.moment)]
+    if len(dated) < len(inputs):
+        return [*inputs], []
+    dated.sort(key=itemgetter(0))
+    return [given for _, given in dated], [at for at, _ in dated]
+
+
+def require_order(first: Input, second: Input, right: str) -> bool:
+    """True if dates, or else what was entered and when, say that the first was measured first.
+
+    False if nothing says which was. Raises UsageError, with the `right` command: the second was.
+    """
+    history = first.keeper.model.machine.history if first.keeper else ()
+    digests = [entry.data_sha256 for entry in history]
+    one, other = (given.measured.source.sha256 for given in (first, second))
+    # With what was entered active in the first and not yet in the second, or as it should be.
+    held, then = (given.model.machine.active for given in (first, second))
+    changes = [entry.active for entry in history if then != held]
+    known = True
+    if first.moment and second.moment and first.moment != second.moment:
+        swapped = first.moment > second.moment
+    elif other in digests:
+        swapped = one not in digests or digests.index(other) < digests.index(one)
+    else:
+        swapped = (then, held) in changes
+        known = swapped or one in digests or (held, then) in changes
+    if swapped:
+        paths = second.measured.source.path, first.measured.source.path
+        raise UsageError("{} was measured before {}.".format(*paths), f"Name it first: {right}")
+    return known
 
 
 def together(inputs: Sequence[Input]) -> Input:
@@ -368,82 +439,38 @@ def _keys_of(text: str) -> dict[str, str]:
     return dict(reversed(_KEY.findall(text)))
 
 
-def _is_yaml(document: FileText) -> bool:
+def _format_of(document: FileText) -> _Format | None:
+    """The form of a text; None for YAML, or a table."""
+    return next((format for format in _FORMATS if format.mark.search(document.text)), None)
+
+
+def _is_yaml(document: FileText, format: _Format | None) -> bool:
     """True if the first line that says anything is YAML; the name decides what it leaves open."""
-    if machine_file.PRINTER_SECTION.search(document.text):
-        return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
-        return True
+        return format is None or format.settings is not None
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    printed = (format.mark for format in _FORMATS)
-    others = (klipper.KLIPPY_LOG, *printed, gcode.SETTINGS, *_NO_READINGS.values())
-    return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in others)
-
-
-def _table(document: FileText, model: Model | None, otherwise: Callable[[], Model]) -> Input:
-    """A table says nothing of the controller: where offsets from it were entered, the machine
-    file tells what was active before; else what is active now."""
-    judge = model or otherwise()
-    entered = judge.machine.entered_from(document.sha256)
-    if entered and entered.before:
-        judge = judge.holding(entered.active[0], entered.corrected_before)
-    table = Table(document)
-    columns = set(table.columns)
-    places = columns & set(probe_readings.PLACE_COLUMNS)
-    probed = bool(places) and not columns & {"leg", "difference"}
-    try:
-        if probed:
-            readings = probe_readings.probe_readings_from_table(table, judge.machine.bed)
-        else:
-            gauged = Orthoglide.require(judge.machine)
-            if "difference" in columns:
-                return Input(differences_from_table(table, gauged), judge, Conditions())
-            readings = readings_in(table, gauged)
-    except UsageError as error:
-        fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
-        line = table.header_line
-        raise InputError(fault, error.remedy, file=document.path, line=line) from error
-    return Input(readings, judge, conditions_in(readings))
+    return format is None and _YAML.match(first) is not None
 
 
 def printer_settings(path: Path) -> PrinterFile | None:
     """Settings in a firmware's file; None for a file of another kind. Raises InputError."""
     document = read_document(str(path))
-    if machine_file.PRINTER_SECTION.search(document.text):
-        return klipper.read_printer_file(document)
-    if path.name == "config.g":
-        return gcode.codes_beside(document)
-    return gcode.own_codes(document)
-
-
-def _as_model(known: Known | None) -> Model | None:
-    if not isinstance(known, PrinterFile):
-        return known
-    return Model(known.on_bed(known.machine.delta_radius_mm).machine)
+    format = _format_of(document)
+    read = format and (format.settings or format.read)
+    return read(document) if read else None
 
 
 def _firmware_file(
-    document: FileText, known: Known | None, otherwise: Callable[[], Model]
-) -> PrinterFile | None:
-    """Content of a file of a printer's firmware or console; None for a file of another kind."""
-    text = document.text
-    if klipper.KLIPPY_LOG.search(text):
-        return klipper.read_klippy_log(document)
-    if machine_file.PRINTER_SECTION.search(text):
-        return klipper.read_printer_file(document)
-    format = next((format for format in _FORMATS if format.mark.search(text)), None)
-    if format is None and gcode.SETTINGS.search(text):
-        fault = "The file holds the settings of a printer's firmware, and no readings."
-        remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
-        raise InputError(fault, remedy, file=document.path)
-    if format is None:
-        kind = next((kind for kind, mark in _NO_READINGS.items() if mark.search(text)), None)
-        if kind is None:
-            return None
-        remedy = "Give the readings: a CSV, a session, or a printer's file."
-        raise InputError(f"This is {kind}, not a file of readings.", remedy, file=document.path)
+    document: FileText, format: _Format, known: Known | None, otherwise: Callable[[], Model]
+) -> PrinterFile:
+    """Content of a file of a printer's firmware or console. Raises InputError."""
+    if format.read is None:
+        fault = f"This is {format.title}, not a file of readings."
+        raise InputError(fault, format.remedy, file=document.path)
+    if format.settings is None:
+        return format.read(document)
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
     stated = format.settings(document)
@@ -459,8 +486,7 @@ def _firmware_file(
         if format.mark is gcode.HEIGHT_MAP and not known:
             gcode.check_delta(document)
         fault = f"This is {format.title}; it does not say which printer it is from."
-        remedy = f"Name its settings: --machine {format.named}"
-        nothing = InputError(fault, remedy, file=document.path)
+        nothing = InputError(fault, format.remedy, file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
         remark = Reason.of("probe_offset_unknown")
         settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
@@ -476,7 +502,7 @@ def _delta(model: Model, path: str, refused: InputError | None = None) -> Linear
     return LinearDelta.require(model.machine, refused or UsageError(fault, remedy))
 
 
-def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
+def _printer(file: PrinterFile, known: Model | None, stored: str | None) -> Input:
     """Measurements that a printer's file stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
@@ -485,12 +511,12 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     for readings in reversed(file.data.values()):
         widest = float(np.hypot(*readings.plan.spots.T[:2]).max())
         file = file.on_bed(widest or file.machine.delta_radius_mm)
-    model = _as_model(known) or Model(file.machine)
-    machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
+    model = known or Model(file.machine)
+    machine, remarks = file.known_as(_delta(model, file.source.path))
     model = replace(model, machine=machine)
 
     def read(name: str | None, *unused: Reason) -> Input:
-        readings = probe_readings.printer_readings(file, name, machine)
+        readings = file.readings(name, machine)
         readings = replace(readings, remarks=(*remarks, *readings.remarks, *unused))
         return Input(readings, model, conditions_in(readings).changed(started=file.started))
 

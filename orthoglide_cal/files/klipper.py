@@ -26,8 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, Place, Steps
-from orthoglide_cal.files.probe_readings import (
+from orthoglide_cal.files.printer_file import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     PrinterFile,
@@ -38,6 +37,7 @@ from orthoglide_cal.files.probe_readings import (
     within,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.tree import Content, Place, Steps
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise, touching
 from orthoglide_cal.model.measured import NOZZLE, Readings
 from orthoglide_cal.model.plan import Bools, Floats
@@ -112,8 +112,9 @@ class Settings(Content):
         self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
         self.dropped = list(self._dropped(lines))
         self.remarks = [
-            Reason.of("dropped", line=fault.line, what=fault.what, remedy=fault.remedy)
+            Reason.of("dropped", lines=lines, what=fault.what, remedy=fault.remedy)
             for fault in self.dropped[:1]
+            for lines in [[str(f.line) for f in self.dropped if f.what == fault.what]]
         ]
         self.remarks += [
             Reason.of("not_in_force", line=line, option=name, section=section, other=other)
@@ -309,7 +310,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
             with faults.noting(number, value=match[0]):
-                place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
+                place = [within(match[group]) for group in (2, 3, 4)]
                 rows.append((number, *place, match[1] == ":"))
     faults.check()
     touches = np.array(rows)

@@ -5,6 +5,7 @@ depends on which causes there are.
 """
 
 import functools
+import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -14,18 +15,16 @@ from pathlib import Path, PurePath
 from typing import Annotated, cast
 
 import numpy as np
+import yaml
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
-from yaml import YAMLError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
 from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
-from orthoglide_cal.files.yaml_tree import Verbatim, edited, load_tree, yaml_text
-from orthoglide_cal.model.cause import Effect, Estimate
+from orthoglide_cal.files.tree import WORDS, Content, Steps, dotted, load_tree, nearest, yaml_text
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Active, Corrections, Entered, Machine
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Effect, Estimate, Model
 from orthoglide_cal.schema import (
     Day,
     Digest,
@@ -392,7 +391,7 @@ def with_history(
         added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
         changes |= {(key,): None for key in added}
     then = None
-    with suppress(InputError, YAMLError):
+    with suppress(InputError, yaml.YAMLError):
         then = _stored(edited(text, changes, remark), document.path)
     if then is None or machine_values(then.model) != values:  # a rare form of YAML
         then = _stored(machine_text(model), document.path)
@@ -425,3 +424,104 @@ def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     except InputError as error:
         faults = [replace(fault, file=None, line=None, problems=()) for fault in error.problems]
         raise InputError.of(faults) from error
+
+
+# --- the text of a file that people keep: comments, order and blanks stay as they are -------------
+# Whoever edits one reads the result back, because YAML has forms that nobody writes.
+
+
+class Verbatim(str):
+    """A value as it stands in a file, where 0 and 0.0 are not the same."""
+
+
+def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
+    """The text of a YAML file with other values at some paths; every other byte stays.
+
+    `edited("a: 1  # one\\n", {("a",): 2, ("b",): []})` is `"a: 2  # one\\nb: []\\n"`.
+
+    Args:
+        text: of a file that `load_tree` reads, with a group at its top.
+        changes: path → plain value, or `Verbatim`; None takes an entry out. A value takes the place
+            of the old one as a whole. A new entry comes last, but for `complete`.
+        remark: behind the first line of a new entry.
+    """
+    # In its own line ends; those of a file that mixes them stay.
+    end = "\r\n" if text.count("\r\n") == text.count("\n") > 0 else "\n"
+    text = text.replace(end, "\n")
+    for path, value in changes.items():
+        text = _changed(text, path, value, remark)
+    return text.replace("\n", end)
+
+
+def _changed(text: str, path: Steps, value: object, remark: str) -> str:
+    holder: yaml.Node | None = None  # key of the group
+    group = yaml.compose(text, Loader=yaml.SafeLoader)
+    for step in path[:-1]:
+        holder, group = _entries(group)[step]
+    assert group is not None
+    entries, step = _entries(group), path[-1]
+    entry = {step: value} if isinstance(step, str) else [value]
+    if step in entries and value is not None:
+        return _replaced(text, *entries[step], value)
+    if holder and len(entries) == (step in entries):
+        return _replaced(text, holder, group, [] if entries else entry)
+    if step in entries:
+        key, node = entries[step]
+        start, end = key.start_mark.index, _end(node)
+        if _is_block(group):  # with the line end before it: the last line may have none
+            return text[: text.rfind("\n", 0, start)] + text[_line_end(text, end) :]
+        return text[: text.rfind(",", 0, start)] + text[end:]
+    end = _end([node for name, (_, node) in entries.items() if name != "complete"][-1])
+    if not _is_block(group):
+        return f"{text[:end]}, {json.dumps(entry)[1:-1]}{text[end:]}"
+    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text(entry)
+    end, (line, *more) = _line_end(text, end), lines.splitlines()
+    margin = "\n" + " " * group.start_mark.column
+    return margin.join((text[:end], line + remark, *more)) + text[end:]
+
+
+def _replaced(text: str, key: yaml.Node, node: yaml.Node, value: object) -> str:
+    """With another value behind a key, or on the lines below it, whatever its form was."""
+    new = _written(value).replace("\n", "\n" + " " * key.start_mark.column)
+    colon, start, end = text.index(":", key.end_mark.index) + 1, node.start_mark.index, _end(node)
+    behind = text[end : _line_end(text, end)]  # a remark
+    if _is_block(node):
+        behind, start = text[colon : _line_end(text, colon)], colon
+    rest = text[_line_end(text, end) :]
+    if new.startswith("\n"):
+        return text[:colon] + behind + new + rest
+    return text[:colon] + (text[colon:start] or " ") + new.removeprefix(" ") + behind + rest
+
+
+def _entries(node: yaml.Node | None) -> dict[str | int, tuple[yaml.Node, yaml.Node]]:
+    """Key and value of each entry of a group; an item of a list stands for both."""
+    if isinstance(node, yaml.MappingNode):
+        return {key.value: (key, value) for key, value in node.value}
+    items = node.value if isinstance(node, yaml.SequenceNode) else ()
+    return {index: (item, item) for index, item in enumerate(items)}
+
+
+def _is_block(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.CollectionNode) and not node.flow_style
+
+
+def _end(node: yaml.Node) -> int:
+    """Where the node's own text ends; the parser counts what follows a block to it."""
+    if not _is_block(node):
+        return int(node.end_mark.index)
+    last = node.value[-1]
+    return _end(last[1] if isinstance(last, tuple) else last)
+
+
+def _line_end(text: str, at: int) -> int:
+    """Where the line ends, without its line end."""
+    end = text.find("\n", at)
+    return len(text) if end < 0 else end
+
+
+def _written(value: object) -> str:
+    """A value as it stands behind `key:`, or on the lines below."""
+    if isinstance(value, Verbatim):
+        return f" {value}"
+    # The list keeps the dumper from writing a group of nothing but scalars in braces.
+    return yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")

@@ -1,5 +1,5 @@
-"""Readings and sessions (`orthocal guide files`): text to rows to columns of arrays, and back to
-rows; and tables of differences.
+"""Readings of gauges, touches of a bed, differences and sessions (`orthocal guide files`): text to
+rows to columns of arrays, and back to rows.
 
 A row comes as the texts of its cells, whatever file it stands in; the same class writes it. Every
 cell is checked by itself there; what only shows across rows, where the rows become arrays.
@@ -32,16 +32,16 @@ from pydantic import (
     field_validator,
 )
 
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import machine_file
-from orthoglide_cal.files.faults import WORDS, Content, Place, Steps, unused
 from orthoglide_cal.files.text import FileText, csv_text, number_text
-from orthoglide_cal.files.yaml_tree import yaml_text
-from orthoglide_cal.model.machine import Machine, OwnGauge
+from orthoglide_cal.files.tree import WORDS, Content, Place, Steps, unused, yaml_text
+from orthoglide_cal.model.linear_delta import touching
+from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
-from orthoglide_cal.model.plan import Floats, Ints, known_plan
+from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
+from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
     Count,
@@ -51,6 +51,7 @@ from orthoglide_cal.schema import (
     Schema,
     Version,
     parse_number,
+    text_that,
     whole_number,
     yaml_number,
 )
@@ -118,32 +119,22 @@ def _entered(value: object, info: ValidationInfo) -> object:
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
-# Field → what may stand there, in letters of any size; the fault of anything else, the remedy.
-_CHOICES: Mapping[str | None, tuple[Sequence[str], str, str]] = {
-    "leg": (AXES, "This is not an axis.", _AXIS),
-    "direction": (AXES, "This is not an axis.", _AXIS),
-    "end": (("joint", "tool"), "This is not an end of the leg.", "Write joint or tool."),
-    "bar": (
-        (TURNED,),
-        "This does not say how the bar was.",
-        f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
-    ),
-    "simulated": (
-        (YES,),
-        "This does not say whether it was simulated.",
-        f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
-    ),
-}
-
-
-def _choice(text: str, info: ValidationInfo) -> str:
-    known, fault, remedy = _CHOICES[info.field_name]
-    if text.lower() not in known:
-        raise InputError(fault, remedy)
-    return text.lower()
-
-
-Choice = Annotated[str, AfterValidator(_choice)]
+_LOWER = AfterValidator(str.lower)
+Axis = Annotated[str, _LOWER, text_that(AXES.__contains__, "This is not an axis.", _AXIS)]
+_END = text_that(
+    ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
+)
+_TURNED = text_that(
+    TURNED.__eq__,
+    "This does not say how the bar was.",
+    f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
+)
+_SIMULATED = text_that(
+    YES.__eq__,
+    "This does not say whether it was simulated.",
+    f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
+)
+Mark = Annotated[str, _LOWER, _SIMULATED]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
@@ -172,11 +163,11 @@ class Row(Schema):
 class ReadingRow(Row):
     """A gauge reading; None where nothing is said."""
 
-    leg: Choice  # whose carriage is displaced
+    leg: Axis  # whose carriage is displaced
     # iso, max, min of that leg, or its displacement from the isotropic posture [mm].
     posture: Annotated[str, AfterValidator(_posture)]
-    direction: Choice  # along which the gauge measures
-    end: Choice | None = None  # of the leg, that is touched in the single-posture protocol
+    direction: Axis  # along which the gauge measures
+    end: Annotated[str, _LOWER, _END] | None = None  # of the leg, in the single-posture protocol
     cycle: Count | None = None  # repeat, from 1
     # None for a step that was left out.
     reading_mm: Length | None = Field(
@@ -191,11 +182,11 @@ class ReadingRow(Row):
     # Where it stood along the leg, from the carriage joint (0) to the tool (1).
     gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
     part: Count | None = None  # of the measurement, from 1
-    bar: Choice | None = None  # "turned" where the touched bar was turned half round
+    bar: Annotated[str, _LOWER, _TURNED] | None = None  # whether the touched one was turned
     # In the controller since the first reading, x, y, z [mm].
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
-    simulated: Choice | None = None  # "yes" where no machine was measured
+    simulated: Mark | None = None  # "yes" where no machine was measured
     timestamp: Moment | None = None
     reason: str | None = None  # why it was replaced or left out
 
@@ -239,7 +230,7 @@ class ProbeRow(Row):
     cycle: Count | None = None
     minutes: Minutes | None = None
     note: str | None = None
-    simulated: Choice | None = None
+    simulated: Mark | None = None
 
     needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
@@ -251,19 +242,16 @@ KIND_WORDS = {
     DataKind.TWELVE: "relative to the isotropic posture",
     DataKind.SINGLE: "tool end − joint end",
 }
-_NAMED = {difference.name for known in DIFFERENCES.values() for difference in known}
+_BY_NAME = {kind: {one.name: one for one in known} for kind, known in DIFFERENCES.items()}
 DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
-    "; ".join(
-        f"{kind} ({KIND_WORDS[kind]}): {', '.join(difference.name for difference in known)}"
-        for kind, known in DIFFERENCES.items()
-    )
+    "; ".join(f"{kind} ({KIND_WORDS[kind]}): {', '.join(_BY_NAME[kind])}" for kind in _BY_NAME)
 )
 
 
 def _difference_name(text: str) -> str:
     """The canonical name; the leading d may be missing, or a delta."""
     name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
-    if name not in _NAMED:
+    if not any(name in known for known in _BY_NAME.values()):
         raise InputError("This is not the name of a difference.", DIFFERENCE_NAMES)
     return name
 
@@ -273,7 +261,7 @@ class DifferenceRow(Row):
 
     difference: Annotated[str, AfterValidator(_difference_name)]
     value_mm: Length
-    simulated: Choice | None = None
+    simulated: Mark | None = None
 
     noun = "difference"
     needed: ClassVar[Mapping[str, str]] = {
@@ -519,7 +507,7 @@ class Rows(Generic[R]):
                     self.note(index, column, fault, "Fill it in every row or in none.")
 
 
-def times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
+def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
     """Indices from first to last; minutes; and whether they are times: no one time for all."""
     in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
     minutes = np.array([row.minutes or 0.0 for row in rows])
@@ -527,7 +515,7 @@ def times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
     return in_time, minutes, timed
 
 
-def check_order(rows: Rows[Timed]) -> None:
+def _check_order(rows: Rows[Timed]) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
     first: dict[int, int] = {}
     for index, row in rows.sound:
@@ -566,7 +554,7 @@ def readings_in(
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
-    check_order(rows)
+    _check_order(rows)
     _check_parts(rows)
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
@@ -583,7 +571,7 @@ def readings_of(
     The machine gives the postures.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    in_time, minutes, timed = times_of(rows)
+    in_time, minutes, timed = _times_of(rows)
     order = np.argsort(in_time)
     named = {posture.value: machine.displacement_mm(posture) for posture in Posture}
     gauge = tuple(row.gauge or "" for row in rows)
@@ -732,19 +720,76 @@ def _remarks(
             yield Reason.of("repeated_line", **again[0], count=len(again))
 
 
+# --- touches of a bed by a probe ----------------------------------------------------------------
+
+# A place farther out than so many radii of the bed is not on it.
+BEYOND = 1.2
+
+
+def _touches(table: Table, bed: Bed) -> Readings:
+    """The touches of a CSV. Raises InputError with everything that is wrong."""
+    away, high = 2.0 * bed.radius_mm, bed.highest_mm
+    longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
+    checking = Rows(table, ProbeRow, longest=longest)
+    checking.check_complete(("seq", "minutes"))
+    _check_order(checking)
+    for index, row in checking.sound:
+        apart = math.hypot(row.x_mm, row.y_mm)
+        if apart > BEYOND * bed.radius_mm:
+            fault = f"The place is {apart:.0f} mm from the middle of the bed."
+            remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
+            checking.note(index, "x_mm", fault, remedy)
+    rows, remarks = checking.checked(), [*checking.remarks]
+    in_time, minutes, timed = _times_of(rows)
+    if not timed and rows[0].minutes is not None:
+        remarks.append(Reason.of("equal_minutes"))
+    place = np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows])
+    surface = np.array([row.z_mm or 0.0 for row in rows])
+    return Readings(
+        touching(place, surface, np.argsort(in_time), minutes if timed else None),
+        place[:, 2] - surface,
+        np.array([checking.line(index) for index in range(len(rows))]),
+        timed,
+        checking.source,
+        cycle=np.array([row.cycle or 1 for row in rows]),
+        note=tuple(row.note or "" for row in rows),
+        remarks=tuple(remarks),
+    )
+
+
+def places_csv(plan: Plan) -> str:
+    """The touches of a plan as a file to be filled in: their places, and no reading yet."""
+    places = plan.spots[plan.touches].tolist()
+    rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
+    return csv_text(("x_mm", "y_mm", "z_mm", "reading_mm"), rows)
+
+
+def probe_points_csv(readings: Readings) -> str:
+    """Touches as a CSV that can be read again."""
+    plan, mark = readings.plan, ("simulated",) * readings.source.simulated
+    surface = [plan.entry(index)["surface_mm"] for index in range(len(plan))]
+    columns = (plan.order + 1, 60.0 * plan.hours, *plan.spots.T[:2], surface, readings.value)
+    rows = (
+        (f"{seq:g}", f"{minutes:.2f}", f"{x:g}", f"{y:g}", f"{z:g}", f"{value + z:.6f}")
+        for seq, minutes, x, y, z, value in np.column_stack(columns).tolist()
+    )
+    head = ("seq", "minutes", "x_mm", "y_mm", "z_mm", "reading_mm", *mark)
+    return csv_text(head, ((*row, *(YES for _ in mark)) for row in rows))
+
+
 # --- differences of readings, as the paper prints them --------------------------------------------
 
 
-def differences_from_table(table: Table, machine: Machine) -> Differences:
+def _differences(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
     rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
     remarks = [*rows.remarks]
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
-    known = {difference.name: difference for difference in DIFFERENCES[kind]}
+    known = _BY_NAME[kind]
     if missing := [name for name in known if name not in values]:
         remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
-    if kind is DataKind.TWELVE and values.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
+    if kind is DataKind.TWELVE and values.keys() <= _BY_NAME[DataKind.SINGLE].keys():
         remarks.append(Reason.of("taken_as_twelve"))
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
@@ -754,15 +799,14 @@ def differences_from_table(table: Table, machine: Machine) -> Differences:
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
-    known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
     names = {index: row.difference for index, row in rows.sound}
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)
-    kind = max(order, key=lambda kind: sum(name in known[kind] for name in names.values()))
+    kind = max(order, key=lambda kind: sum(name in _BY_NAME[kind] for name in names.values()))
     first: dict[str, int] = {}
     for index, name in names.items():
-        if name not in known[kind]:
+        if name not in _BY_NAME[kind]:
             others = f"{kind} ({KIND_WORDS[kind]})"
             fault = f"The name is of another kind than the others, which are {others}."
             rows.note(index, "difference", fault, f"Give one kind in one file. {DIFFERENCE_NAMES}")
@@ -772,6 +816,22 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             rows.note(index, "difference", fault, remedy)
         first.setdefault(name, rows.line(index))
     return kind
+
+
+def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
+    """Readings, touches or differences, by the header of a CSV. Raises InputError as they do."""
+    table = Table(document)
+    columns = set(table.columns)
+    probed = columns & {"x_mm", "y_mm"} and not columns & {"leg", "difference"}
+    try:
+        if probed:
+            return _touches(table, machine.bed)
+        gauged = Orthoglide.require(machine)
+    except UsageError as error:
+        fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
+        line = table.header_line
+        raise InputError(fault, error.remedy, file=document.path, line=line) from error
+    return (_differences if "difference" in columns else readings_in)(table, gauged)
 
 
 # --- sessions -----------------------------------------------------------------------------------
@@ -852,8 +912,10 @@ class Conditions(Circumstances):
         return (min(known) + max(known)) / 2.0 if known else None
 
 
-def conditions_in(readings: Readings) -> Conditions:
+def conditions_in(readings: Readings | Differences) -> Conditions:
     """Conditions that the readings alone state."""
+    if not isinstance(readings, Readings):
+        return Conditions()
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)

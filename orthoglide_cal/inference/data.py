@@ -26,16 +26,21 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
-from orthoglide_cal.estimation.accuracy import require_optimum, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
-from orthoglide_cal.estimation.methods import LeastSquaresFit, pose_plan
+from orthoglide_cal.estimation.solution import (
+    Contrasts,
+    LeastSquaresFit,
+    Reduction,
+    pose_plan,
+    require_optimum,
+    require_rank,
+    rms,
+)
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
-from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
-from orthoglide_cal.model.contrasts import Contrasts, Reduction
 from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate_absent
+from orthoglide_cal.model.model import Cause, Effect, Model, Place, Stage, differentiate_absent
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly, read_only
 
@@ -171,7 +176,7 @@ class Whitened(ReadOnly):
         zero = np.zeros(len(problem.matrix))
         white = cls(problem, zero, None, True, np.arange(len(plan)), texture=texture)
         # Rates of change as plausible as before, on a clock that was only assumed.
-        rates = (cause for cause in CAUSES.values() if cause.unit == PER_HOUR)
+        rates = (cause for cause in CAUSES.values() if cause.is_rate)
         return white if timed else white.scaled(UNKNOWN_PACE, rates)
 
     def __len__(self) -> int:
@@ -195,7 +200,7 @@ class Whitened(ReadOnly):
         problem = whenever = self.problem
         if self.raw:
             whenever = pose_plan(self.plan.steps, problem.model, DataKind.READINGS)
-        return [places_of(problem if e.unit == PER_HOUR else whenever, e) for e in extras]
+        return [places_of(problem if e.is_rate else whenever, e) for e in extras]
 
     def scaled(self, factor: float, causes: Iterable[Cause]) -> Whitened:
         """The same with the plausible sizes of these causes multiplied."""
@@ -240,9 +245,9 @@ class Whitened(ReadOnly):
         if texture is None or not isinstance(self.matrix, Contrasts):
             return fit_offsets(problem, versions)
         general, factors = texture.whitened(self.machine.instrument.noise_mm)
-        axes, precision = texture.axes, general * self.matrix.precision
-        matrix = replace(self.matrix, precision=precision, axes=axes, factors=factors)
-        white = general * shrink(versions.T, axes, factors).T
+        shrunk, precision = (texture.axes, factors), general * self.matrix.precision
+        matrix = replace(self.matrix, precision=precision, shrunk=shrunk)
+        white = general * shrink(versions.T, *shrunk).T
         fit = fit_offsets(replace(problem, matrix=matrix), white)
         predicted, _ = problem.predict_with_jacobian(fit.offsets_mm, strict=False)
         return replace(fit, residuals_mm=versions - predicted)
@@ -250,7 +255,7 @@ class Whitened(ReadOnly):
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
         """Influences on the data in addition to noise, for offsets (..., 3) [mm]."""
         acting = influences(self.problem.model, offsets, self.plan)
-        return tuple(one.reduced(self.matrix) for one in acting)
+        return tuple(replace(one, columns=self.matrix @ one.columns) for one in acting)
 
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""
@@ -371,8 +376,7 @@ class Linearised(ReadOnly):
         units = np.array([cause.unit_mm(place) for cause, place in undone])
         right = white.relabelled(white.data, *undone) * units[:, None]
         versions = np.vstack([white.data, right])
-        fit = white.fit_versions(versions)
-        require_optimum(white.problem, fit)
+        fit = require_optimum(white.problem, white.fit_versions(versions))
         # A relabelling that no offsets fit did not happen.
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras, first = dict[str, Placed](), 1

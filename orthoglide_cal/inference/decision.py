@@ -14,7 +14,6 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.gaussian import probabilities
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
@@ -26,14 +25,14 @@ from orthoglide_cal.estimation.losses import (
     WRONG_NAME,
     is_likely,
 )
-from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import MISFIT, Fit
 from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
 from orthoglide_cal.inference.patterns import PASSING, fits_of
 from orthoglide_cal.inference.result import Verdict
-from orthoglide_cal.model.cause import NORMAL_K, Stage
+from orthoglide_cal.model.model import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
 
@@ -257,14 +256,14 @@ class Decision(Belief):
 
     @cached_property
     def is_nameable(self) -> bool:
-        """True if to name the best causes costs less than to leave them open.
+        """True if to name the best causes costs less than to leave them open, or of two a hold.
 
         Where a pattern acts, each that does not act with it is a wrong name: of what is in every
         reading a part. Offsets are false that it moves beyond their U, or by what returns with its
         posture.
         """
-        best, fit = self.best, self.fit_of(self.best)
-        bearable, risk = OPEN_ANSWER * self.something, 0.0
+        best, fit, risk = self.best, self.fit_of(self.best), 0.0
+        bearable = (NEEDLESS_HOLD if len(best) > 1 else OPEN_ANSWER) * self.something
         if (len(best) * WRONG_NAME + FALSE_RELEASE) * self.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
         for one in self.beyond_list:

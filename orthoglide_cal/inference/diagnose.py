@@ -16,12 +16,12 @@ import numpy as np
 from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import PostureError, UnusableResultError
+from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation import Solution, fit_parameters
-from orthoglide_cal.estimation.accuracy import Scatter, scatter_of_repeats
-from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
+from orthoglide_cal.estimation.solution import scatter_of_repeats
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
@@ -50,10 +50,9 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Place
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import NORMAL_K, Cause, Effect, Model, Place
 from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 
@@ -275,7 +274,7 @@ class Diagnosis(Decision):
                     heldout_ratio=after.ratio,
                     aliases=tuple(other for other in aliases if other not in ids),
                     times_stated=times if times > BEYOND else None,
-                    remedy=cause.words(machine).advice.format(where=where),
+                    remedy=Reason.of("advice", id=id, where=where),
                     recommended=taken and gains and sure,
                     in_machine=cause.in_machine,
                 )
@@ -319,7 +318,7 @@ class Diagnosis(Decision):
                 UnshownFault(
                     id=id,
                     where=" or ".join(filter(None, wheres)),
-                    check=CAUSES[id].words(machine).instrument,
+                    check=Reason.of("check", id=id),
                     change=float(change[largest]),
                     unit=machine.parameter_units[largest],
                     matters=bool(np.any(change > u)),
@@ -406,7 +405,7 @@ class Diagnosis(Decision):
                     f"Making {id} part of the machine's model is not recommended: it does not"
                     f" last as it is, does not predict better than {many} only, or something else"
                     " explains these data as well.",
-                    named.remedy,
+                    f"See what helps: {command('guide', id)}",
                 )
         if not accepted:
             raise UnusableResultError(
@@ -432,8 +431,11 @@ class Diagnosis(Decision):
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
         (effect,) = (one for one in self.fit_of(best).effects if one.cause.id == id)
-        sha256 = self.measured.source.sha256
-        return self.model.accepting(effect.accepted(on.isoformat(), sha256))
+        source = self.measured.source
+        model = self.model.accepting(effect.accepted(on.isoformat(), source.sha256))
+        if source.simulated:  # what is accepted from it is no knowledge of a machine
+            return replace(model, machine=model.machine.changed(practice=True))
+        return model
 
     # --- patterns beyond the list, those that act together first ---
 
@@ -563,7 +565,8 @@ class Diagnosis(Decision):
     def lack_of_fit(self) -> LackOfFit:
         """Test of the parameters alone; a bed's local shape as large as it is found."""
         alone, noise = self.alone, self.model.machine.instrument.noise_mm
-        dof, size, p_value = alone.dof, alone.sigma_residuals_mm or 0.0, alone.lack_of_fit_p
+        size = alone.scatter.sigma_mm if alone.scatter else 0.0
+        dof, p_value = alone.dof, alone.lack_of_fit_p
         if self.white.texture is not None:
             fit = self.fit_of(())
             factor = 1.0 if self.verdict is Verdict.UNEXPLAINED else self.fit.scale_factor

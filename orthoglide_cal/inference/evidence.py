@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.model.contrasts import Contrasts, Reduction
+from orthoglide_cal.estimation.solution import Contrasts, Reduction
 from orthoglide_cal.model.plan import Floats, Ints, Patterns, ReadOnly, read_only
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.

@@ -19,9 +19,9 @@ from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
 from orthoglide_cal.estimation.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
+from orthoglide_cal.estimation.solution import Contrasts, rms
 from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
@@ -33,10 +33,8 @@ from orthoglide_cal.inference.hypothesis import (
     others_wrong,
     pattern_densities,
 )
-from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.contrasts import Contrasts
 from orthoglide_cal.model.machine import Influence, Origin
-from orthoglide_cal.model.model import differentiate, simulate
+from orthoglide_cal.model.model import Effect, differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
@@ -349,7 +347,7 @@ def _settle(fit: Fit) -> Fit:
     known = white.problem.model.extended(effects)
     try:
         gauges = white.machine.uncertain(white.plan, lambda other: simulate(known, offsets, other))
-        anew = {influence.source: influence.reduced(white.matrix) for influence in gauges}
+        anew = {one.source: replace(one, columns=white.matrix @ one.columns) for one in gauges}
     except PostureError:
         return fit
     uncertain = tuple(anew.get(influence.source, influence) for influence in fit.uncertain)

@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
+from orthoglide_cal.estimation.solution import require_rank
 from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Linearised, Placed, ids_of
 from orthoglide_cal.inference.evidence import Gaussian
-from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Cause, Effect, Place
 from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Where, read_only
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.

@@ -23,16 +23,15 @@ import numpy as np
 from scipy.special import erf
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import log_sum
+from orthoglide_cal.estimation.solution import Contrasts, Reduction, rms, without_zeros, zero_free
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import BLUNDER_SCALES, Hypothesis, Pattern, of_any_size
 from orthoglide_cal.inference.result import FoundPattern
-from orthoglide_cal.model.cause import NORMAL_K, Estimate
-from orthoglide_cal.model.contrasts import Contrasts, Reduction, without_zeros, zero_free
 from orthoglide_cal.model.measured import Measured, Readings
+from orthoglide_cal.model.model import NORMAL_K, Estimate
 from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.

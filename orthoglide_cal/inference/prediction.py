@@ -1,13 +1,6 @@
-"""Readings of any plan as explanations have them, later ones and those to come.
-
-New readings are looked at in combinations that no new gauge zero enters and whose noise is
-independent of that of the first readings: in a new set-up their deviations from its mean, in one
-that goes on from the mean of what was read there. Of these only the few in which the explanations
-can differ count.
-"""
+"""Readings of any plan as explanations have them, later ones and those to come."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,17 +8,15 @@ import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
+from orthoglide_cal.estimation.gaussian import root_of, unexplained, whiten_shared
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
-from orthoglide_cal.estimation.methods import fit_offsets
-from orthoglide_cal.inference.data import UNSEEN, Ids, Whitened, as_read
+from orthoglide_cal.estimation.solution import fit_offsets, rms
+from orthoglide_cal.inference.data import Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, joined
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import Reason
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -157,56 +148,6 @@ class Later(ReadOnly):
         jacobian, (spread, known) = white.matrix @ slopes, np.split(root, [len(mean)])
         shared = white.matrix @ spread - jacobian[:, :free] @ known[:free]
         return white.data - white.matrix @ mean, jacobian, shared
-
-
-def predict(
-    weighted: Sequence[tuple[float, Fit]],
-    expected: Sequence[Expected],
-    start: int,
-    plan: Plan,
-    stay: Plan | None,
-) -> Mixture:
-    """Combinations of the readings of a plan, and the parameters behind them.
-
-    Args:
-        weighted: the explanations and their probabilities.
-        expected: of each; the readings of the plan begin at `start` in it.
-        plan, stay: the new readings, and the first ones if their stands are still there.
-    """
-    new, fits = slice(start, start + len(plan)), [fit for _, fit in weighted]
-
-    def free(values: Floats) -> Floats:
-        """Values (n, c) in combinations without zeros, with unit noise, shape (m, c)."""
-        if stay is None:
-            set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
-            return without_zeros(set_ups, values[new].T).T
-        zeros = joined(stay, plan).zeros
-        same = zeros[len(stay) :] @ zeros[: len(stay)].T
-        mean = same / same.sum(axis=1, keepdims=True)
-        noise = np.eye(len(mean)) + mean @ mean.T
-        return whiten(noise, values[new] - mean @ values[: len(stay)])[0]
-
-    means = free(np.column_stack([mean for mean, _, _ in expected]))
-    roots = [free(root) for _, _, root in expected]
-    columns = np.hstack((means[:, 1:] - means[:, :1], *roots))
-    # An orthonormal basis of the directions that exceed the noise, shape (m, r).
-    m, c = columns.shape
-    size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)
-    kept = size2 > (UNSEEN * min(fit.sigma for fit in fits)) ** 2
-    basis = vectors[:, kept] if m <= c else columns @ (vectors[:, kept] / np.sqrt(size2[kept]))
-    noise = np.repeat((1.0, 0.0), (basis.shape[1], fits[0].offsets.size))
-    both = [
-        np.vstack((basis.T @ spread, root[len(mean) :]))
-        for spread, (mean, _, root) in zip(roots, expected, strict=True)
-    ]
-    return Mixture(
-        np.hstack(((basis.T @ means).T, np.stack([fit.offsets for fit in fits])))[..., None],
-        np.stack([
-            root @ root.T + fit.sigma**2 * np.diag(noise)
-            for root, fit in zip(both, fits, strict=True)
-        ]),
-        np.log([[share] for share, _ in weighted]),
-    )  # fmt: skip
 
 
 # --- by what needs no cause: an extension that predicts no better has shown nothing ------------

@@ -8,12 +8,10 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, computed_field
 
-from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.model.cause import CONFIDENCE, Estimate
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import CONFIDENCE, Estimate, Model
 from orthoglide_cal.model.plan import Floats, Plan, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 
@@ -74,7 +72,7 @@ class Parameter(Schema):
     def all_of(cls, model: Model, values: Floats, std: Floats, k: float) -> tuple[Self, ...]:
         """Every parameter of a machine from values and standard uncertainties (p,), U = k u."""
         machine, expanded = model.machine, k * std
-        known = zip(values.tolist(), determined(model, expanded), strict=True)
+        known = zip(values.tolist(), machine.determined(expanded), strict=True)
         columns = {
             "name": machine.parameter_names,
             "unit": machine.parameter_units,
@@ -167,7 +165,7 @@ class FoundCause(Schema):
     times_stated: float | None = Field(
         description="its largest value by its plausible size, where that is beyond three"
     )
-    remedy: str
+    remedy: Sentence
     recommended: bool = Field(description="to be accepted as part of the machine")
     in_machine: bool = Field(description="false: it lies in the measurement")
 
@@ -212,7 +210,7 @@ class UnshownFault(Schema):
 
     id: str
     where: str = Field(description="empty: the whole table")
-    check: str = Field(description="what would show it")
+    check: Sentence = Field(description="what would show it")
     change: float = Field(description="largest change of a parameter if it is there")
     unit: str = Field(description="of that parameter")
     matters: bool = Field(description="a parameter changes by more than U: nothing is released")

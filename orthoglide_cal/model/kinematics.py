@@ -41,7 +41,8 @@ class Geometry(ReadOnly):
 
         Errors, and what `strict` means, as of `trilaterate`.
         """
-        return np.asarray(behind_batch(Points.of(self, joints[..., None, :], strict).tool, 1)[0])
+        tool = Points.of(self, joints[..., None, :], strict).tool
+        return np.asarray(np.moveaxis(tool, 0, -1)[0])
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
@@ -76,15 +77,15 @@ class Command(ReadOnly):
         """Where the joints would indicate to be had nothing been entered, shape (n, 3) [mm]."""
         return read_only(self.joints - self.entered)
 
-
-def approach_of(joints: Floats, in_time: Ints) -> Floats:
-    """`Command.approach` on the way along joints (n, 3), by their indices from first to last."""
-    approach, moves = np.zeros_like(joints), np.zeros((len(in_time), 3))
-    moves[1:] = np.sign(np.diff(joints[in_time], axis=0))
-    moments = np.arange(len(moves))[:, None]
-    last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
-    approach[in_time] = np.take_along_axis(moves, last, axis=0)
-    return approach
+    @staticmethod
+    def approach_of(joints: Floats, in_time: Ints) -> Floats:
+        """`approach` on the way along joints (n, 3), by their indices from first to last."""
+        approach, moves = np.zeros_like(joints), np.zeros((len(in_time), 3))
+        moves[1:] = np.sign(np.diff(joints[in_time], axis=0))
+        moments = np.arange(len(moves))[:, None]
+        last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
+        approach[in_time] = np.take_along_axis(moves, last, axis=0)
+        return approach
 
 
 # What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
@@ -159,11 +160,6 @@ def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     moved = values.transpose(*range(leading, values.ndim), *range(leading)).copy()
     missing = 0 if batch is None else batch - leading
     return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
-
-
-def behind_batch(values: Numbers, axes: int) -> Numbers:
-    """Undo `components`: move the first `axes` axes to the end."""
-    return values.transpose(*range(axes, values.ndim), *range(axes))
 
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:

@@ -30,15 +30,7 @@ from pydantic import (
 )
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.model.kinematics import (
-    Command,
-    GaugeResponse,
-    Geometry,
-    Points,
-    RealMachine,
-    approach_of,
-    behind_batch,
-)
+from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
 from orthoglide_cal.model.machine import (
     HOMING_MM,
     Bed,
@@ -55,18 +47,7 @@ from orthoglide_cal.model.machine import (
     stated_or,
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
-from orthoglide_cal.model.plan import (
-    AnyCell,
-    Bools,
-    Floats,
-    Ints,
-    Numbers,
-    Plan,
-    Where,
-    alike,
-    joined,
-    read_only,
-)
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, Where, alike, read_only
 from orthoglide_cal.schema import Number, Reason, ask
 
 TOWERS = ("a", "b", "c")
@@ -307,7 +288,7 @@ class PlannedTouch(NamedTuple):
     y_mm: float
 
     @staticmethod
-    def planned(cells: Sequence[AnyCell]) -> ProbePlan:
+    def planned(cells: Sequence["PlannedTouch"]) -> ProbePlan:
         """The plan of such touches in time order."""
         place, nothing = np.array([(*cell, 0.0) for cell in cells]), np.zeros(len(cells))
         return touching(place, nothing)
@@ -503,7 +484,7 @@ class LinearDelta(Machine):
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
         # From touch to touch; a printed object was approached from all sides.
         touches = plan.in_time[~plan.distance[plan.in_time]]
-        approach = approach_of(rails.joints_for(level), touches)
+        approach = Command.approach_of(rails.joints_for(level), touches)
         hours, nothing = np.tile(plan.hours, 2), np.zeros(places.shape)
         return Command(rails.joints_for(places), self.home_mm, hours, nothing, approach)
 
@@ -555,7 +536,7 @@ class LinearDelta(Machine):
             values.append(np.where(plan.distance, read.value + grown, place[:, 2] - plan.surface))
             last = day == len(dates) - 1
             plans.append(replace(now, slope=slope(now) * (not last), date=at))
-        return joined(*plans), np.concatenate(values)
+        return Plan.joined(*plans), np.concatenate(values)
 
     def judging(self, then: Machine) -> Machine:
         """As it was then: where a carriage stood follows from the settings in force."""
@@ -583,7 +564,7 @@ class LinearDelta(Machine):
     ) -> GaugeResponse:
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)
-        tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
+        tool = np.moveaxis(points.tool, (1, 0), (-2, -1))
         first, second = tool[..., : len(plan), :], tool[..., len(plan) :, :]
         readings = plan.place[:, 2] - first[..., 2]
         if plan.distance.any():
@@ -597,8 +578,8 @@ class LinearDelta(Machine):
         # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
-        fault = "distance" if plan.distance[index] else "touch"
-        return f"x {x}, y {y} mm ({fault} {number})"
+        kind = "distance" if plan.distance[index] else "touch"
+        return f"x {x}, y {y} mm ({kind} {number})"
 
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:
         """Touches spread evenly over the bed in a mixed order; all of one height, then the next."""
@@ -663,8 +644,8 @@ class LinearDelta(Machine):
             # A place that is touched on both heights has one local shape.
             bed = mixed(np.vstack((rings(count, REACH * self.bed_radius_mm), upper)))
             again = f"{some} of them again on a block of {HIGH_MM:g} mm"
-            fault = f"{len(bed)} places of the bed, and {again}"
-            layouts.append(layout_of("telling", fault, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
+            words = f"{len(bed)} places of the bed, and {again}"
+            layouts.append(layout_of("telling", words, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
         return tuple(sorted(layouts, key=lambda layout: layout.minutes))
 
     def local_shape(self, plan: ProbePlan) -> Influence:

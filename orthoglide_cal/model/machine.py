@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, Self, TypeVar
@@ -20,7 +20,6 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
-from orthoglide_cal.model.contrasts import Reduction
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly
@@ -266,10 +265,6 @@ class Influence(ReadOnly):
     local: bool = False
     rest: float = 0.0  # variance of what else it adds to each reading, as noise does [mm²]
 
-    def reduced(self, matrix: Reduction) -> Influence:
-        """The same in data R·readings, R of shape (k, n)."""
-        return replace(self, columns=matrix @ self.columns)
-
 
 @dataclass(frozen=True)
 class Vocabulary:
@@ -486,6 +481,10 @@ class Machine(Schema):
     @abstractmethod
     def plausible(self) -> tuple[float, ...]:
         """The largest size of each calibrated parameter that a machine can have, in its unit."""
+
+    def determined(self, expanded: Floats) -> tuple[bool, ...]:
+        """True of each calibrated parameter that is known well enough to state, from U (p,)."""
+        return tuple((expanded < (self.max_reportable_u or self.plausible)).tolist())
 
     @property
     def travel_mm(self) -> float:

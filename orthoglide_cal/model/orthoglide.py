@@ -18,15 +18,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UsageError
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
-from orthoglide_cal.model.kinematics import (
-    Command,
-    GaugeResponse,
-    Geometry,
-    Points,
-    RealMachine,
-    approach_of,
-    behind_batch,
-)
+from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
 from orthoglide_cal.model.machine import (
     HOMING_MM,
     Influence,
@@ -43,16 +35,8 @@ from orthoglide_cal.model.machine import (
     stated_or,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
-from orthoglide_cal.model.plan import AnyCell, Floats, Ints, Numbers, Plan, known_plan, read_only
-from orthoglide_cal.model.readings import (
-    AXES,
-    Contact,
-    GaugePlan,
-    Posture,
-    Series,
-    other_axes,
-    part_words,
-)
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series, other_axes
 from orthoglide_cal.schema import Number, ask
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
@@ -351,7 +335,7 @@ class Orthoglide(Machine):
         alike = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
         so_far = plan.order <= plan.order[index]
         where = f"{plan.series[index].words}, {posture}, cycle {np.sum(alike & so_far)}"
-        return f"{where}{part_words(plan, int(plan.part[index]))} (reading {np.sum(so_far)})"
+        return f"{where}{plan.part_words(int(plan.part[index]))} (reading {np.sum(so_far)})"
 
     def simulated_plan(self, wanted: SimulationOptions) -> GaugePlan:
         if wanted.places or wanted.heights or wanted.further:
@@ -395,7 +379,7 @@ class Orthoglide(Machine):
 @functools.lru_cache(maxsize=16)
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
-    approach = approach_of(joints - plan.entered, plan.in_time)
+    approach = Command.approach_of(joints - plan.entered, plan.in_time)
     return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
 
 
@@ -435,10 +419,10 @@ def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> Gau
         along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
         jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * along
         jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-        return behind_batch(jacobian, 2)
+        return np.moveaxis(jacobian, (0, 1), (-2, -1))
 
-    heights = behind_batch(side + fraction * across, 1)
-    return heights, behind_batch(fraction, 1), derivative
+    heights = np.moveaxis(side + fraction * across, 0, -1)
+    return heights, np.moveaxis(fraction, 0, -1), derivative
 
 
 # --- protocols -----------------------------------------------------------------------------
@@ -457,7 +441,7 @@ class PlannedReading(NamedTuple):
     entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
 
     @staticmethod
-    def planned(cells: Sequence[AnyCell]) -> GaugePlan:
+    def planned(cells: Sequence["PlannedReading"]) -> GaugePlan:
         """The plan of such readings in time order."""
         return plan_of(cells)
 
@@ -588,6 +572,8 @@ def reduction(
     zero where the plan lacks one of the cells.
     """
     plan = GaugePlan.require(plan)
+    # Something was entered, then or when their gauge was set up, or a bar was turned.
+    changed = plan.entered.any(axis=1) | plan.stood.any(axis=1) | plan.turned
     matrix = np.zeros((len(differences), len(plan)))
     for row, (series, posture) in zip(matrix, differences, strict=True):
         if kind is DataKind.SINGLE:
@@ -598,7 +584,7 @@ def reduction(
             cells = (ends[0], Contact.FIXED), (ends[1], Contact.FIXED)
         minuend, subtrahend = (
             plan.of(series)
-            & plan.as_found
+            & ~changed
             & (plan.contact == contact)
             & (np.abs(plan.displacement - machine.displacement_mm(at)) < 1e-9)
             for at, contact in cells

@@ -127,6 +127,10 @@ class Plan(ABC):
         """Number of parts, empty ones before the last included."""
         return int(self.part.max()) + 1 if len(self) else 0
 
+    def part_words(self, part: int) -> str:
+        """Which part of it, where it has several: ", part 2"."""
+        return f", part {part + 1}" if self.parts > 1 else ""
+
     @of_steps
     def in_time(self) -> Ints:
         """Indices of the readings from first to last, shape (n,)."""
@@ -151,11 +155,6 @@ class Plan(ABC):
     def spots(self) -> Floats:
         """Where the tool is sent for each of them, (n, 3) [mm]; NaN for a gauge on a leg."""
         return np.full((len(self), 3), np.nan)
-
-    @property
-    def as_found(self) -> Bools:
-        """Which are of the machine as it was found, nothing changed since, (n,); all by default."""
-        return np.ones(len(self), dtype=np.bool_)
 
     @property
     def stood(self) -> Floats:
@@ -213,6 +212,13 @@ class Plan(ABC):
         """The plan of some of its readings (indices or mask)."""
         return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
+    @staticmethod
+    def joined(*plans: PlanT) -> PlanT:
+        """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
+        names = [item.name for item in fields(plans[0])]
+        every = {name: np.concatenate([getattr(plan, name) for plan in plans]) for name in names}
+        return replace(plans[0], **every)
+
     @property
     @abstractmethod
     def returning(self) -> Floats:
@@ -229,13 +235,6 @@ class Plan(ABC):
         Where the order in time is not known, `ordered`, only all of them.
         """
         yield {}, np.full(len(self), True)
-
-
-def joined(*plans: PlanT) -> PlanT:
-    """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
-    names = [item.name for item in fields(plans[0])]
-    every = {name: np.concatenate([getattr(plan, name) for plan in plans]) for name in names}
-    return replace(plans[0], **every)
 
 
 @functools.lru_cache(maxsize=16)

@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import fit_offsets, pose_plan, promise, solve
-from orthoglide_cal.estimation.accuracy import rms, unit_covariance
+from orthoglide_cal.estimation.solution import rms
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of
@@ -245,7 +245,7 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
     """
     problem = pose_plan(ideal_plan(kind, model.machine), model, kind)
     # σ_ρ = √(trace V / 3) (eq. 33)
-    return rms(np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1]))))
+    return rms(np.sqrt(np.diag(problem.spread(np.linalg.pinv(problem.at_zero[1])))))
 
 
 def accuracy(model: Model) -> Reproduction:

@@ -17,13 +17,23 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
-from orthoglide_cal.inference import Diagnosis, Verdict
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.prediction import expect
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Screw, Stage
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import (
+    NORMAL_K,
+    Cause,
+    Effect,
+    Estimate,
+    Model,
+    Screw,
+    Stage,
+    differentiate,
+    simulate,
+)
 from orthoglide_cal.model.plan import AnyCell, Floats, Numbers, Plan
 
 # What screws took away: id of a cause, or home_switch for joint offsets, and by how much.
@@ -95,7 +105,7 @@ def choose_adjustments(
         return effect.cause.id, made
     cause = CAUSES.get(id) if id else next((e.cause for e in asked if effect is None), None)
     if cause and not cause.adjustable:
-        problem = f"No screw or shim corrects {cause.id!r}. {cause.no_screw}".rstrip()
+        problem = f"No screw or shim corrects {cause.id!r}."
         remedy = f"See what helps: {command('guide', cause.id)}"
         raise (UsageError if id else UnusableResultError)(problem, remedy)
     kind = type(diagnosis.model.machine)

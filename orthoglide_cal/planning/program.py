@@ -13,18 +13,25 @@ import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from itertools import compress, groupby
+from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import AfterValidator, BeforeValidator, ValidationError
 
-from orthoglide_cal.errors import PostureError
-from orthoglide_cal.files.gcode_template import Template
-from orthoglide_cal.files.text import csv_text, in_csv
+from orthoglide_cal.errors import InputError, PostureError, UsageError, command
+from orthoglide_cal.files.readings import places_csv
+from orthoglide_cal.files.text import FileText, csv_text, in_csv, read_document
+from orthoglide_cal.files.tree import Content, nearest
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.planning.steps import SessionStep, posture_name
+from orthoglide_cal.planning.plan import SessionForecast
+from orthoglide_cal.planning.steps import SessionStep
+from orthoglide_cal.schema import Positive, Schema, text_that
 from orthoglide_cal.words import counted, plain, short
 
 APPROACH_MM = 1.0  # far more than any lost motion, little enough for every plunger
@@ -36,6 +43,7 @@ _ROUNDING_MM = 1e-9
 _DECIMALS = 4
 # A comment ends at ")", a program at "%"; "#" and others make some controllers compute.
 _FOREIGN = re.compile(r"[^A-Za-z0-9 .,:+=<>'/_-]")
+_CSV, _GCODE = ".csv", (".nc", ".ngc", ".gcode", ".tap", ".cnc")
 _COMMENT_WIDTH = 76  # some controllers read no more than 80 characters of a line
 
 
@@ -126,21 +134,147 @@ def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
     return machine.joints_at(leg, np.linspace(start, end, stretches + 1)[1:])
 
 
+# --- the template of a program: what its owner wrote for their controller -------------------------
+# Lines that are a comment beginning with "orthocal" are settings, notes, or the marker that says
+# where the blocks go; all others are copied as they stand.
+
+_OURS = re.compile(r"\s*(?:\(\s*orthocal\b([^()]*)\)|;\s*orthocal\b(.*))\s*", re.IGNORECASE)
+_AXIS_WORD = re.compile(r"[UVWABCXYZ]|[A-Z][A-Z0-9_]*=")
+_WAITS = text_that(
+    re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+").fullmatch,
+    "This code does not wait.",
+    "Write M0, M1, or G4 P20 for 20 s.",
+)
+_REMARK = re.compile(r"\([^)]*\)?|;.*")
+_NUMBER = re.compile(r"\s*/?\s*N0*([0-9]+)", re.IGNORECASE)
+_CODE = re.compile(r"G0*([0-9]+)(?![0-9.])", re.IGNORECASE)
+_PRINT = "For a complete one: orthocal template gcode"
+# Codes of which the last one holds: that for which the blocks are written, and what others mean.
+_MODES = (
+    {"21": "", "71": "", "710": "", "20": "inches", "70": "inches", "700": "inches"},
+    {"90": "", "91": "distances from the last point"},
+    {"94": "", "93": "feeds as inverse times", "95": "feeds per turn"},
+)
+
+
+def _axes(value: object) -> tuple[str, ...]:
+    words = tuple(value.upper().split()) if isinstance(value, str) else ()
+    if len(set(words)) != 3 or len(words) != 3 or not all(map(_AXIS_WORD.fullmatch, words)):
+        raise InputError("These are not three axis words.", "Write X Y Z, or X1= Y1= Z1=.")
+    return words
+
+
+class Template(Schema):
+    """A template as read."""
+
+    before: tuple[str, ...]  # lines around the blocks
+    after: tuple[str, ...]
+    semicolon: bool  # comments are written "; …" instead of "(…)", as the marker is
+    axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")  # axis words
+    # Meaning of the numbers behind the axis words.
+    values: Annotated[Literal["joints", "displacements", "tool"], BeforeValidator(str.lower)] = (
+        "joints"
+    )
+    pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"  # waits at each posture
+    feed: Positive = 1000.0  # between postures [mm/min]
+    slow: Positive = 100.0  # on arrival [mm/min]
+
+
+def _template(document: FileText, program: PostureProgram) -> Template:
+    """The template that a file holds. Raises InputError as `program_gcode` does."""
+    content, taken = Content(document), {block.first.block for block in program.blocks}
+    known = [name for name, field in Template.model_fields.items() if not field.is_required()]
+    settings = content.value = dict[str, str]()
+    before, after, marker = list[str](), list[str](), ""
+    modes: dict[int, tuple[int, str]] = {}
+    for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
+        if ours := _OURS.fullmatch(text):
+            key, _, value = (ours[1] or ours[2] or "").partition(":")
+            name = key.strip().lower()
+            if name in settings or (name == "blocks" and marker):
+                content.add("This is given twice.", "Take one out.", line=line, value=key)
+            elif name == "blocks":
+                marker = text.strip()
+            elif name in known:
+                settings[name], content.lines[name,] = " ".join(value.split()), line
+            elif name != "note":
+                near = nearest(name, (*known, "note", "blocks"))
+                content.add("This is not a setting.", f"{near}{_PRINT}", line=line, value=name)
+            continue
+        (after if marker else before).append(text)
+        code = _REMARK.sub("", text)
+        if (number := _NUMBER.match(code)) and int(number[1]) in taken:
+            wrong, value = "A posture has this block number.", f"N{number[1]}"
+            content.add(wrong, "Number your own lines otherwise, or not at all.", line, value=value)
+        for mode in [] if marker else _CODE.findall(code):
+            modes |= {k: (line, mode) for k, codes in enumerate(_MODES) if mode in codes}
+    for k, (line, mode) in modes.items():
+        if meaning := _MODES[k][mode]:
+            wrong = f"The blocks are not written for this code ({meaning})."
+            remedy = f"Write G{next(iter(_MODES[k]))} before the blocks."
+            content.add(wrong, remedy, line=line, value=f"G{mode}")
+    if not marker:
+        wrong = "The template does not say where the blocks go."
+        content.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")
+    around = {"before": before, "after": after, "semicolon": marker.startswith(";")}
+    try:
+        template = Template.model_validate({**around, **settings})
+    except ValidationError as error:
+        content.take(error, Template)
+    content.check()
+    return template
+
+
 # --- as text ----------------------------------------------------------------------------------
 
 
-def program_csv(program: PostureProgram) -> str:
-    """One row per block; lengths in mm, joints as the controller indicates them."""
+def chosen_program(
+    chosen: SessionForecast, target: Path, template: Path | None, machine: Path | None
+) -> tuple[str, int]:
+    """The text of a session's program, or of a layout's places; and how many blocks or places.
+
+    Arguments as of `program_text`; `machine` is the file for the command to measure with. Raises
+    UsageError: nothing of the kind can be written there; PostureError as `posture_program`.
+    """
+    session, model = chosen.session, chosen.model
+    ends = (_CSV, *_GCODE) if session else (_CSV,)
+    if str(target) != "-" and target.suffix.lower() not in ends:
+        for_gcode = f", in {_GCODE[0]} for G-code" if session else ""
+        fault = f"The name {target} does not say what to write."
+        raise UsageError(fault, f"End it in {_CSV} for a table{for_gcode}.")
+    if session is None:
+        if template:
+            raise UsageError("A printer's places are written as a table.", "Leave out --template.")
+        return places_csv(chosen.plan), len(chosen.plan)
+    typed = command("measure", machine=machine, options=session.options)
+    program = posture_program(model, session.steps(model.machine), typed)
+    return program_text(program, target, template), len(program.blocks)
+
+
+def program_text(program: PostureProgram, target: Path, template: Path | None) -> str:
+    """A program as CSV or G-code, by the end of the name; "-" is a table.
+
+    The table has one row per block; lengths in mm, joints as the controller indicates them. None is
+    the template of `orthocal template gcode`. Raises UsageError: a template without G-code.
+    """
+    if target.suffix.lower() in _GCODE:
+        path = template or files("orthoglide_cal.files") / "templates" / "gcode.nc"
+        return program_gcode(program, read_document(str(path)))
+    if template is not None:
+        raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
     rows = [block.row for block in program.blocks]
     return csv_text([*rows[0]], [[*row.values()] for row in rows])
 
 
-def program_gcode(program: PostureProgram, template: Template) -> str:
-    """The template with the blocks in the place of its marker.
+def program_gcode(program: PostureProgram, document: FileText) -> str:
+    """The template in a file with the blocks in the place of its marker.
 
     A block drives to the approach point along the axis of its leg, then slowly to the posture, and
-    waits. Coordinates are absolute, in mm.
+    waits. Coordinates are absolute, in mm. Raises InputError: no marker or two, a setting that
+    cannot be used, the number of one of the blocks, or a mode (inches, relative) in which they
+    would drive elsewhere.
     """
+    template = _template(document, program)
     machine, lines = program.machine, [*template.before]
 
     def comment(words: str) -> None:
@@ -172,7 +306,7 @@ def program_gcode(program: PostureProgram, template: Template) -> str:
             comment(f"Set-up {first.setup}: {waits}")
             lines += [move(joints, template.feed) for joints in block.set_up]
             lines.append("M0")  # waits for a button: nobody knows how long gauges take
-        words = f"{row['block']}: leg {row['leg']}, {posture_name(first)}, cycle {first.cycle}."
+        words = f"{row['block']}: leg {row['leg']}, {first.posture_name}, cycle {first.cycle}."
         words += f" Read steps {row['steps'].replace(' ', '-')}, gauges {row['gauges']}."
         above = row["from_above"]
         comment(f"{words} Carriage {above} arrives from above." if above else words)

@@ -6,8 +6,8 @@ accuracy.
 
 import functools
 from collections import Counter
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -99,6 +99,21 @@ class SessionStep:
         """Readings of one visit are taken without moving the machine or a stand in between."""
         return self.setup, self.leg, self.posture, self.cycle, self.cell.entered
 
+    @property
+    def name(self) -> str:
+        """The step in a few words, e.g. "leg X, MAX, cycle 2, gauge Z"."""
+        end = f", {self.cell.contact.end} end" if self.cell.contact.end else ""
+        return (
+            f"leg {AXES[self.leg].upper()}, {self.posture_name}, cycle {self.cycle},"
+            f" gauge {AXES[self.direction].upper()}{end}"
+        )
+
+    @property
+    def posture_name(self) -> str:
+        """The posture as it is spoken of: "MAX", "+30 mm"."""
+        named = isinstance(self.posture, Posture)
+        return self.posture.upper() if named else f"{self.cell.displacement:+g} mm"
+
 
 class GuidedSession(Schema):
     """What is measured in one sitting, by a protocol; the usual one where nothing is said."""
@@ -165,31 +180,11 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
             setup, place, zeros = setup + 1, here, {}
         zeros[direction] = zero_of[i]
         stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
-        visit = (setup, leg, posture, seen[planned], planned.entered)
-        if not steps or visit != steps[-1].visit:
+        step = SessionStep(number, planned, posture, seen[planned], stand, setup, block)
+        if not steps or step.visit != steps[-1].visit:
             block += 10
-        steps.append(SessionStep(number, planned, posture, seen[planned], stand, setup, block))
+        steps.append(replace(step, block=block))
     return tuple(steps)
-
-
-def with_set_ups(
-    chosen: Sequence[SessionStep],
-    here: int,
-    steps: Sequence[SessionStep],
-    accepted: Collection[int],
-) -> list[SessionStep]:
-    """Steps, with all that must be read again with them while the stands are in set-up `here`.
-
-    For other set-ups the stands are moved: the zeros are then new ones, also those of the set-up
-    in hand, to which they come back. `accepted` are the numbers of the steps that were read.
-    """
-    numbers, setups = {step.number for step in chosen}, {step.setup for step in chosen}
-    moved = set() if setups <= {here} else setups | {here}
-    return [
-        step
-        for step in steps
-        if step.number in numbers or (step.setup in moved and step.number in accepted)
-    ]
 
 
 def gauge_moves(steps: Sequence[SessionStep]) -> int:
@@ -229,21 +224,6 @@ def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[Ga
     """Readings of steps, the first after `begin_min`, and when all are taken [min]."""
     *times, minutes = (begin_min + at for at in clock(steps))
     return plan_of([step.cell for step in steps], hours=np.array(times) / 60.0), minutes
-
-
-def step_name(step: SessionStep) -> str:
-    """The step in a few words, e.g. "leg X, MAX, cycle 2, gauge Z"."""
-    end = f", {step.cell.contact.end} end" if step.cell.contact.end else ""
-    return (
-        f"leg {AXES[step.leg].upper()}, {posture_name(step)}, cycle {step.cycle},"
-        f" gauge {AXES[step.direction].upper()}{end}"
-    )
-
-
-def posture_name(step: SessionStep) -> str:
-    """The posture as it is spoken of: "MAX", "+30 mm"."""
-    named = isinstance(step.posture, Posture)
-    return step.posture.upper() if named else f"{step.cell.displacement:+g} mm"
 
 
 # --- the best design --------------------------------------------------------------------------

@@ -3,27 +3,25 @@ next steps, and the facts about machine, gauges and circumstances, in the words 
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from datetime import datetime
+from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import DataKind, Source
+from orthoglide_cal.model.model import Cause, Estimate
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Answer, CheckReading, Identity, Validity, recording
-from orthoglide_cal.results.answer import RETAKE, THEN, InputFile
+from orthoglide_cal.report.sentences import cause_words, sentence
+from orthoglide_cal.results.answer import RETAKE, THEN, Answer, CheckReading
+from orthoglide_cal.results.application import recording
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     counted,
     decimals_for,
-    moment_words,
     plain,
     short,
     signed,
@@ -39,14 +37,9 @@ _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.TWELVE: ("difference", " from the isotropic posture"),
     DataKind.SINGLE: ("difference", ", tool end − joint end"),
 }
-# What makes a result worthless if it is overlooked: it stands first.
+# Reasons that make a result worthless if they are overlooked: they stand first.
 INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
-# What the owner of a machine wrote for its reports: who and which; how and with what.
-OWNER = ("organisation", "address", "place", "customer", "serial_number")
-MEANS = ("method", "traceability", "authorised_by", "gauge_due")
 LARGEST_OFFSET = 10.0  # beyond it a length or an angle is no offset
-_TAKING_METHODS = ("solve", "report", "export")
-_DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +69,7 @@ class Case:
         """Name of a cause at such a machine; of wrong readings, with a parameter each, how many."""
         if CAUSES[id].hides_reading and parameters > 1:
             return f"{parameters} readings are wrong"
-        return CAUSES[id].words(self.machine).title
+        return cause_words(id, self.machine)["title"]
 
     def says(self, reason: Reason) -> str:
         """The sentence for a reason, in the words of this kind of machine."""
@@ -112,10 +105,10 @@ class Case:
         if verb == "diagnose" and self.source.earlier:
             paths = [*self.source.earlier, *paths]
             given.append("--together")
-        if self.method is not None and verb in _TAKING_METHODS:
+        if self.method is not None and verb in ("solve", "report", "export"):
             given.append(f"--method {self.method}")
         given += filter(None, options)
-        if verb in _DIAGNOSING:
+        if verb in ("solve", "diagnose", "report", "export", "apply"):
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
         paths += filter(None, [other])
         named = self.options if verb == "diagnose" else {}
@@ -179,19 +172,12 @@ class Case:
 
 def check_words(check: CheckReading) -> str:
     """The check posture as an instruction, with the number that is expected."""
-    moves = f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
-    today = f"(today {signed(check.before_mm, decimals_for(check.expanded_mm))})"
+    code = "check_ends" if check.ends else "check_drive"
+    moves = with_uncertainty(check.expected_mm, check.expanded_mm)
+    today = signed(check.before_mm, decimals_for(check.expanded_mm))
     first, second = (position_words(place, 3) for place in (check.first_mm, check.second_mm))
-    if check.ends:
-        return (
-            f"Check: put the gauge on leg {check.leg}, along {check.direction}, at {first}; the"
-            f" tool end must read {moves} more than the joint end {today}."
-        )
-    return (
-        f"Check: put the gauge {plain(check.gauge_mm or 0.0, 0)} mm from carriage {check.leg},"
-        f" along {check.direction}; drive from {first} to {second}; it must move by {moves}"
-        f" {today}."
-    )
+    data = {"check": check, "first": first, "second": second, "moves": moves, "today": today}
+    return sentence(Reason.of(code, **data))
 
 
 def size_words(value: float, expanded: float, unit: str) -> str:
@@ -201,16 +187,17 @@ def size_words(value: float, expanded: float, unit: str) -> str:
     return f"{number} {unit_words(unit)}".rstrip()
 
 
-def sizes_words(sizes: Iterable[tuple[str, float, float, str]]) -> str:
-    """Names, values ± U and units; a unit stands once, behind the last that has it.
+def sizes_words(sizes: Iterable[Estimate | Parameter]) -> str:
+    """Names, values ± U and units of what is determined; a unit behind the last that has it.
 
-    >>> sizes_words([("x", 0.5, 0.02, "mm"), ("y", -0.1, 0.02, "mm"), ("angle_a", 1.0, 0.0, "deg")])
-    'x +0.500 ± 0.020, y −0.100 ± 0.020 mm, angle_a +1 deg'
+    >>> sizes_words([Estimate(name=axis, value=-0.1, std=0.01, unit="mm") for axis in "xy"])
+    'x −0.100 ± 0.020, y −0.100 ± 0.020 mm'
     """
-    texts, rows = [], [*sizes]
-    for (name, value, expanded, unit), later in zip_longest(rows, rows[1:]):
-        last = later is None or later[-1] != unit
-        texts.append(f"{name} {size_words(value, expanded, unit if last else '')}")
+    values = ((e, e.found if isinstance(e, Parameter) else e.value) for e in sizes)
+    rows, texts = [(size, value) for size, value in values if value is not None], []
+    for (size, value), later in zip_longest(rows, rows[1:]):
+        last = later is None or later[0].unit != size.unit
+        texts.append(f"{size.name} {size_words(value, size.expanded, size.unit if last else '')}")
     return ", ".join(texts)
 
 
@@ -247,93 +234,8 @@ def input_words(given: Input) -> str:
     return data_words(given.measured.source, given.measured.kind, len(given.measured))
 
 
-def origin(inputs: Sequence[Input]) -> Iterator[tuple[str, doc.Blank]]:
-    """Origin of one measurement, or of before and after: file, number and kind, digest."""
-    names = ("Before", "After") if len(inputs) > 1 else ("Input",)
-    for name, given in zip(names, inputs, strict=True):
-        source = given.measured.source
-        yield name, doc.given(f"{file_words(source.path)} ({input_words(given)})")
-        yield "SHA-256", doc.code(source.sha256)
-
-
 def comparison_words(single: bool) -> tuple[str, str]:
     """The kind of differences that are promised, and the meaning of their names."""
     if single:
         return "tool end − joint end", "dz_x+ is along z on leg x at max."
     return "max − min", "dx_y is along x on leg y."
-
-
-def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
-    """Facts that the owner wrote under these names into the machine's file."""
-    texts = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
-    return tuple((name, doc.given(text)) for name, text in texts.items() if text is not None)
-
-
-def signed_page(
-    kind: str,
-    machine: Machine,
-    identity: Identity,
-    inputs: Sequence[tuple[InputFile, Validity]],
-    simulated: bool,
-) -> doc.Page:
-    """The beginning of a numbered page: its subject, and the conditions under which it holds.
-
-    Its `inputs` are one measurement, or before and after; of simulated ones it is no report.
-    """
-    words = machine.vocabulary
-    number = ("Number", doc.code(identity.number))
-    issued = ("Issued", moment_words(identity.issued))
-    first, *later = (_conditions(*recorded, machine.noted) for recorded in inputs)
-    named = ((name.capitalize(), value) for name, value in first.items())
-    strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
-    if later:
-        strip = doc.Grid(
-            ("conditions", "before", "after"),
-            [(name, value, later[0][name]) for name, value in first.items()],
-            words=(0, 1, 2),
-            caption=f"{identity.software}; data with the first digits of SHA-256.",
-        )
-    return doc.Page(
-        kind="Practice report" if simulated else kind,
-        title=machine.name,
-        number=identity.number,
-        facts=doc.Facts((*stated(machine, OWNER), number, issued)),
-        sheet=[doc.Section(None, strip)],
-        scope="The results relate only to the machine and the instruments named here, as they were"
-        f" when measured, and to the {words.positions} and conditions stated. The report is valid"
-        " only with all its pages: reproduce it only in full.",
-        simulated=simulated,
-    )
-
-
-def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
-    """The verdict with what a reader has to know before relying on it."""
-    return replace(notice, lines=(*notice.lines, *map(doc.doubtful, reservations)))
-
-
-def _conditions(of: InputFile, validity: Validity, noted: Sequence[str]) -> dict[str, doc.Blank]:
-    """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
-    gauges: list[doc.Inline] = []
-    for gauge in validity.gauges:
-        gauges += ["; " if gauges else "", doc.given(gauge.id)]
-        if gauge.certificate:
-            gauges += [", certificate ", doc.given(gauge.certificate)]
-        if gauge.expanded_mm is not None:
-            gauges.append(f", U {short(gauge.expanded_mm, 6)} mm")
-        due = f"due {gauge.due}" if gauge.due else "due date not given"
-        gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
-    known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
-    temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
-    rows: dict[str, doc.Blank] = {
-        "measured": moment(validity.measured),
-        "gauges": tuple(gauges) or None,
-        "temperature": ", ".join(temperatures) or None,
-        "operator": validity.operator and doc.given(validity.operator),
-        "data": (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12])),
-    }
-    return {name: row for name, row in rows.items() if name in ("measured", "data", *noted)}
-
-
-def moment(written: str | None) -> doc.Marked | None:
-    """An ISO 8601 time, as people read it."""
-    return None if written is None else doc.given(moment_words(datetime.fromisoformat(written)))

@@ -11,7 +11,6 @@ from itertools import groupby
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words, visible
 from orthoglide_cal.files.controller_file import SAVED, firmware_machine, printer_values
 from orthoglide_cal.files.gcode import words_of
@@ -20,8 +19,8 @@ from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import Case, check_words
-from orthoglide_cal.report.sentences import FIRMWARES
-from orthoglide_cal.results import Identity
+from orthoglide_cal.report.sentences import FIRMWARES, cause_words
+from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     coverage_words,
@@ -174,7 +173,7 @@ def _notes(format: str, new: LinearDelta, case: Case) -> Iterator[str]:
     yield texts["lacks"]
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
-            yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."
+            yield f"Not in these lines: {id}; {cause_words(id, case.machine)['no_setting']}."
     unknown = [row.name for row in case.answer.parameters if not row.determined]
     if unknown:
         yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."

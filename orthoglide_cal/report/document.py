@@ -1,21 +1,59 @@
 """A result as a command shows it: plain values for programs, and blocks for people.
 
 A document is made in `report.documents`; the renderers know nothing of what it is about: `json`
-shows its values, `terminal`, `html` and `markdown` its page.
+shows its values, `terminal`, `html` and `markdown` its page. Pages and pictures are marked up by
+`tag` and `join`, which escape all but their own.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
+from html import escape
 from typing import Literal, Self
 
-from orthoglide_cal.report.escape import Html
+from orthoglide_cal.errors import visible
 from orthoglide_cal.words import SIMULATED
 
 # The last line of every page that is written to a file: such a file may be written again.
 MARK = "<!-- Written by orthocal -->\n"
 BLANK = "_" * 12  # to write on
+
+# --- markup -----------------------------------------------------------------------------------
+
+
+class Html(str):
+    """Markup; made by `tag` and `join`, or of constants; never of text from outside."""
+
+    __slots__ = ()
+
+
+def join(parts: Iterable[str | None], between: str = "") -> Html:
+    """Parts one after the other; plain strings among them are escaped, None is left out."""
+    every = (part for part in parts if part is not None)
+    # A name or a note may hold signs that HTML obeys, and others that nobody sees.
+    return Html(between.join(p if isinstance(p, Html) else escape(visible(p)) for p in every))
+
+
+def tag(name: str, /, *children: str | None, **attributes: str | float | None) -> Html:
+    """An element.
+
+    Args:
+        name: of the element.
+        children: markup, or plain text that is escaped; None is left out.
+        attributes: a trailing "_" is dropped and others become "-" ("stroke_width", "class_");
+            None is left out.
+    """
+    written = ""
+    for key, value in attributes.items():
+        if value is not None:
+            number = isinstance(value, float)
+            content = f"{value:.2f}".rstrip("0").rstrip(".") if number else str(value)
+            written += f' {key.rstrip("_").replace("_", "-")}="{join([content])}"'
+    return Html(f"<{name}{written}>{join(children)}</{name}>")
+
+
+# --- words of a page ------------------------------------------------------------------------------
 
 Style = Literal[
     "plain", "code", "typed", "command", "strong", "doubtful", "given", "small", "blank"

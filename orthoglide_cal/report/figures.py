@@ -1,25 +1,31 @@
-"""Parts of figures; maps of errors and residuals, and the machine.
+"""Figures of a page, with the same in characters: measured values, residuals, causes, the machine.
 
 Drawing functions take plain values and return pictures; every number that a picture writes, but
 those of its axes, is one that it was given.
 """
 
-import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain, groupby, pairwise, zip_longest
 from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.inference.result import FoundCause, FoundPattern
 from orthoglide_cal.model.machine import Bed
+from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
-from orthoglide_cal.report.case import size_words
-from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.results.answer import Shim
-from orthoglide_cal.words import number, plain, signed, two_figures
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.case import Case, comparison_words, position_words, size_words
+from orthoglide_cal.report.document import Html, tag
+from orthoglide_cal.report.sentences import pattern_name, pattern_words
+from orthoglide_cal.results.answer import Residual, Shim
+from orthoglide_cal.words import number, plain, short, signed, two_figures
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
@@ -161,7 +167,7 @@ def upright(up: Scale, width: float, unit: str, title: str) -> Iterator[Html]:
 CLASSES = 7  # colours of a scale
 _SIZE, _LEFT, _ABOVE = 168.0, 42.0, 22.0  # of a map, and its place in the picture
 _BED, _BESIDE, _OVER = 232.0, 50.0, 40.0  # the same of a bed
-_RINGED = 4.0  # robust standard deviations, beyond which one touch stands out
+_STANDS_OUT = 4.0  # robust standard deviations, beyond which one touch is ringed
 
 
 def class_limits(largest: float, around_zero: bool = False) -> Floats:
@@ -219,9 +225,10 @@ def workspace_maps(
     """
     limits = class_limits(max(float(error.max()) for _, error, *_ in views))
     across = Scale(*ends, 0.0, _SIZE)
-    for when, error, worst_mm, (x_mm, y_mm, z_mm) in views:
+    for when, error, worst_mm, worst in views:
         finding = f"Tool-position error in a slice of the workspace, {when}. In the whole cube at"
-        finding += f" most {two_figures(worst_mm)} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
+        finding += f" most {two_figures(worst_mm)} mm, at {position_words(worst, 0)}."
+        x_mm, y_mm, z_mm = worst
         for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
             title = f"{when}, z = {number(round(level))} mm"
             body = [
@@ -243,7 +250,7 @@ def _cells(number: Ints) -> Iterator[Html]:
     size = _SIZE / len(number)
     for row, classes in enumerate(number.tolist()):
         y, first = _ABOVE + _SIZE - (row + 1) * size, 0
-        for colour, run in itertools.groupby(classes):
+        for colour, run in groupby(classes):
             many = len(list(run))
             yield rectangle(_LEFT + first * size, y, many * size, size, "heat", f"h{colour}")
             first += many
@@ -283,7 +290,7 @@ def bed_map(
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
     microns = 1000.0 * left_mm
     usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
-    out = np.abs(microns) > max(_RINGED * usual, 1.0)
+    out = np.abs(microns) > max(_STANDS_OUT * usual, 1.0)
     most = largest_um or float(np.abs(microns[~out]).max(initial=1.0))
     limits = class_limits(most, around_zero=True)
     body = [
@@ -303,9 +310,8 @@ def bed_map(
         x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
         body.append(words(x, y + 5, tower, "middle", "axis halo"))
     largest = int(np.argmax(np.abs(microns)))
-    x_mm, y_mm = place_mm[largest]
     finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
-    finding += f" at X{x_mm:.0f} Y{y_mm:.0f}; {int(ringed.sum())} ringed."
+    finding += f" at {position_words(place_mm[largest], 0)}; {int(ringed.sum())} ringed."
     return svg(324.0, _OVER + _BED + 58.0, title, finding, body)
 
 
@@ -442,19 +448,15 @@ def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
     parts, listed = [], []
     for k, size in enumerate(sizes):
         base = (k + 1) * _PART - 10.0
-        place, text = place_words(size.name), size_words(size.value, size.expanded, size.unit)
+        place, text = size.name, size_words(size.value, size.expanded, size.unit)
+        if place[1:2] == "_":
+            place = Series(AXES.index(place[2]), AXES.index(place[0])).words
         listed.append(f"{place} {text}")
         named = words(2.0, base - 11.0, place, class_="strong"), words(2.0, base + 2.0, text)
         drawn = _parameter(size.name, size.value / most, base)
         parts.append(tag("g", *named, *drawn, class_=f"c-{size.name[-1]}"))
     finding = f"Dashed as it should be, solid as it is: {'; '.join(listed)}."
     return svg(328.0, _PART * len(sizes) + 6.0, name, finding, parts)
-
-
-def place_words(name: str) -> str:
-    """Place of a parameter of a cause: "y_x" is "leg x, direction y"."""
-    direction, _, leg = name.partition("_")
-    return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
 
 
 def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
@@ -480,3 +482,424 @@ def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
         yield rectangle(203.0 + moved[0], base - 9.0, 18.0, 18.0, "outline")
         yield arrow(above, above + moved)
         yield words(right + 14.0, base + 5.0, parameter, "middle", "axis")
+
+
+# Below the signs of a bed.
+_BED_LEGEND = (
+    "  Seen from above, y upwards: + the probe triggered too high, − too low;",
+    "  · noise, + − over 2σ, ▲ ▼ over 4σ.",
+)
+_MOST_SERIES = 6  # on a screen; of columns two more
+_MOST_DRAWN = 3  # parameters of a cause
+_RINGED = "Ringed: beyond four robust standard deviations."
+_MOST_GAUGES = 2  # of the readings that it spoils
+# Pattern → what it depends on if not on time: a column of the residuals.
+_DEPENDS = {"repeats": "displacement_mm", "hysteresis": "moved_mm", "temperature": "temperature_c"}
+# Such a column → its name on an axis.
+_AXIS = {
+    "minutes": "min",
+    "displacement_mm": "carriage at, mm",
+    "moved_mm": "plunger moved by, mm",
+    "temperature_c": "°C",
+}
+_CELLS = 17  # of a bed in signs, along x and along y
+
+# --- differences -------------------------------------------------------------------------------
+
+_WIDE, _TOP, _ROW = 356.0, 24.0, 22.0  # of a picture with a line for each difference
+
+
+def differences_figure(
+    rows: Sequence[tuple[str, float, float, float, float | None]],
+    rms_mm: Sequence[float],
+    single: bool,
+    limit_mm: float | None,
+    outcomes: Sequence[str] = (),
+) -> doc.Figure:
+    """A row for each difference: as found ○ → expected ■ → as left ●, with U of the last.
+
+    Args:
+        rows: name, found, expected, U of the last, measured (None if nothing was yet) [mm].
+        rms_mm: of all as found, expected and left.
+        single: they are of the tool end against the joint end.
+        limit_mm: largest deviation allowed; None where nobody said.
+        outcomes: by the limit, of each that was measured afterwards; below the names.
+    """
+    names, first, expected, expanded, after = zip(*rows, strict=True)
+    measured = after[0] is not None
+    sizes = {"found": first, "expected": expected, **({"as left": after} if measured else {})}
+    *_, (head, last) = sizes.items()
+    columns: dict[str, Sequence[str]] = {"": names}
+    columns |= {when: [signed(mm, 3) for mm in values] for when, values in sizes.items()}
+    columns["± U"] = [plain(mm, 3) for mm in expanded]
+    columns |= {"limit": outcomes} if outcomes else {}
+    limits = [] if limit_mm is None else [-limit_mm, limit_mm]
+    # Columns of numbers, by their right edges.
+    edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
+    left, high = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
+    reach = [*np.subtract(last, expanded), *np.add(last, expanded), *limits, -0.02, 0.02]
+    across = Scale.around([*first, *expected, *reach], left, edges[0] - 46.0)
+    top, bottom = _TOP - 4.0, _TOP + high * len(rows)
+    places, kinds, texts = zip(*across.ticks(), strict=True)
+    parts = [
+        *(
+            rectangle(across(a), top, across(b) - across(a), bottom - top, "allowed")
+            for a, b in pairwise(limits)
+        ),
+        *(line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True)),
+        *below(places, texts, bottom + 14),
+        words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
+    ]
+    for x, when in zip(edges, sizes, strict=True):
+        parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
+    listed = []
+    for k, (name, *cells) in enumerate(zip(*columns.values(), strict=True)):
+        y = _TOP + high * (k + 0.5)
+        start, stop, *marks = (across(values[k]) for values in sizes.values())
+        ends = across(last[k] - expanded[k]), across(last[k] + expanded[k])
+        numbers, (u, *outcome) = cells[: len(sizes)], cells[len(sizes) :]
+        numbers[-1] += f" ± {u}"
+        listed.append(f"{name} {', '.join([*numbers, *outcome])}")
+        parts += [
+            words(2, y + (-2 if outcomes else 4), name, class_="strong"),
+            *(words(2, y + 10, text) for text in outcome),
+            *(words(x, y + 4, text, "end") for x, text in zip(edges, numbers, strict=True)),
+            tag(
+                "g",
+                line((start, y), (stop, y), "thread"),
+                line((ends[0], y), (ends[1], y), "whisker"),
+                *(line((x, y - 5), (x, y + 5), "whisker") for x in ends),
+                mark(start, y, 0, "mark open", 5.0),
+                mark(stop, y, 2, "mark", 4.2),
+                *(mark(x, y, 0, "mark", 4.6) for x in marks),
+                class_=f"c-{name.partition('_')[2][:1]}",
+            ),
+        ]
+    seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
+    title = "Differences, before and after"
+    picture = svg(_WIDE, bottom + 30.0, title, seen, parts)
+    kind, meaning = comparison_words(single)
+    key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
+    key += f", with U (95 %). {meaning}"
+    if limit_mm is not None:
+        key += f" Dashed: the limit, ±{limit_mm:g} mm."
+    rms = " → ".join(plain(size, 3) for size in rms_mm)
+    whole = f"Differences, {kind}: {rms} mm r.m.s."
+    return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
+
+
+# --- residuals ---------------------------------------------------------------------------------
+
+
+def brief_residuals(case: Case) -> list[doc.Block]:
+    """Residuals in characters; nothing where a screen has no room."""
+    if case.answer.input.kind != DataKind.READINGS:
+        return [readings_table(case)]
+    if _on_bed(case):
+        return []
+    title, grid = _by_leg(case)
+    many = len(grid.rows) > _MOST_SERIES or len(grid.head) > _MOST_SERIES + 2
+    return [] if many else [title, grid]
+
+
+def residual_blocks(case: Case) -> Iterator[doc.Block]:
+    """Measured − modelled without and with the causes, in figures and characters."""
+    left = _left(case)
+    for k, pattern in enumerate(case.answer.beyond):
+        yield _pattern_figure(case, pattern, k)
+    if _on_bed(case):
+        measured = np.array([row.measured_mm for row in case.answer.residuals])
+        maps, signs = [], list[str]()
+        for title, touches, place_mm in _surfaces(case):
+            # Without their mean: the first layer's height is set apart.
+            mean_mm = measured[touches].mean()
+            models = {f"after, {model}": values for model, values in left.items()}
+            for model, values in {"before": measured - mean_mm, **models}.items():
+                heading = f"{model}{title}".replace(" and ", ", ", model.count(" and ") - 1)
+                maps.append(bed_map(heading, place_mm, values[touches], case.machine.bed))
+                if model in models:
+                    sigma_mm = case.machine.instrument.noise_mm
+                    signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
+        plain = doc.Listing((*signs, *_BED_LEGEND))
+        yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
+        yield readings_table(case, distances=True)
+    elif case.answer.input.kind == DataKind.READINGS:
+        key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
+        key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
+        panels = reading_panels(
+            case.answer.residuals, left, noise_mm=case.machine.instrument.noise_mm
+        )
+        yield doc.Figure(panels, key=key, plain=_by_leg(case))
+    else:
+        yield readings_table(case)
+
+
+def reading_panels(
+    rows: Sequence[Residual],
+    left_mm: Mapping[str, Floats],
+    *,
+    noise_mm: float = 0.0,
+    over: str = "",
+    effect_mm: tuple[Floats, Floats] | None = None,
+    shown: Collection[int] = (),
+    ringed: Collection[int] = (),
+) -> list[Html]:
+    """One panel for each gauge, all on one scale: residuals by posture and cycle.
+
+    Args:
+        rows: n readings.
+        left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
+        noise_mm: standard deviation of one reading; the band is twice as high.
+        over: a column of theirs instead of the postures; where it is None nothing is drawn.
+        effect_mm: drawn as a line with its U as a band: both of shape (n,).
+        shown: the readings whose gauges have a panel; () for all.
+        ringed: readings that are wrong.
+    """
+    axis, at = _AXIS.get(over, ""), _column(rows, over) if over else np.zeros(len(rows))
+    gauges: dict[str, list[int]] = {}
+    for k, row in enumerate(rows):
+        gauge = "all touches" if row.x_mm is not None else "all differences"
+        gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
+    chosen = {gauge: ks for gauge, ks in sorted(gauges.items()) if not shown or {*shown} & {*ks}}
+    known = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
+    panels = {gauge: ks for gauge, ks in known.items() if ks}
+    width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
+    places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
+    band = 2000.0 * noise_mm
+    microns = {model: 1000.0 * values for model, values in left_mm.items()}
+    models = [*microns.values()]
+    middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
+    low, high = middle - reach, middle + reach
+    ends = np.stack((*models, low, high))[:, [*chain(*panels.values())]]
+    up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
+    pictures = []
+    for gauge, numbers in panels.items():
+        if not over:
+            numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
+            names = list(dict.fromkeys(places[k] for k in numbers))
+            across = Scale(-0.5, len(names) - 0.5, 40.0, width - 6.0)
+            x = {k: across(names.index(places[k]) + 0.09 * (rows[k].cycle - 2.5)) for k in numbers}
+            ticks = [(across(n), "", name) for n, name in enumerate(names)]
+        else:
+            numbers.sort(key=at.__getitem__)
+            across = Scale.around(at[numbers].tolist(), 40.0, width - 6.0)
+            x, ticks = {k: across(at[k]) for k in numbers}, across.ticks()
+        parts = [rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")]
+        parts = [*parts * bool(band), *upright(up, width, "µm", gauge)]
+        parts += [words(width - 6.0, height - 4.0, axis, "end", "muted")] if axis else []
+        columns, _, texts = zip(*ticks, strict=True)
+        # The words of a posture stand one below the other.
+        for n, row_words in enumerate(zip_longest(*map(str.split, texts), fillvalue="")):
+            parts += below(columns, row_words, up.start + 12.0 * (n + 1) + 1.0)
+        runs: dict[object, list[int]] = {}
+        for k in numbers:
+            run = (rows[k].part, rows[k].gauge_at) if over else rows[k].cycle
+            runs.setdefault(run, []).append(k)
+        for ks in runs.values():
+            if effect_mm is not None:
+                edge = [(x[k], up(low[k])) for k in ks] + [(x[k], up(high[k])) for k in ks[::-1]]
+                parts.append(tag("polygon", points=points(edge), class_="band"))
+                parts.append(thread([(x[k], up(middle[k])) for k in ks]))
+            elif not over:
+                parts.append(thread([(x[k], up(models[-1][k])) for k in ks]))
+        for values in models:
+            style = "mark" if values is models[-1] else "mark open"
+            parts += (mark(x[k], up(values[k]), rows[k].cycle - 1, style) for k in numbers)
+        circled = ((x[k], up(models[0][k])) for k in numbers if k in ringed)
+        parts += (tag("circle", cx=cx, cy=cy, r=9.0, class_="fault") for cx, cy in circled)
+        lists = (
+            f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
+            for model, values in microns.items()
+        )
+        most = max(numbers, key=lambda k: abs(models[-1][k]))
+        largest = " at ".join(filter(None, (signed(models[-1][most], 1), places[most])))
+        seen = f"Residuals, µm; largest: {largest}. {'; '.join(lists)}."
+        colour = f"c-{rows[numbers[0]].leg or 'x'}"
+        title = f"Residuals{f' over {axis}' if axis else ''}, {gauge}"
+        pictures.append(svg(width, height, title, seen, parts, colour))
+    return pictures
+
+
+def series_of(row: Residual) -> Series:
+    """The leg and direction of a reading."""
+    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
+
+
+def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
+    """The effect of the pattern with this number, over what it depends on."""
+    rows = case.answer.residuals
+    effect = np.array([row.pattern_mm[number] for row in rows])
+    reach = np.array([row.pattern_expanded_mm[number] for row in rows])
+    wrong = [k for k, row in enumerate(rows) if row.wrong]
+    key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without"
+    key += " all other effects." + " Ringed: wrong, left out." * bool(wrong)
+    panels = reading_panels(
+        rows,
+        {pattern_words(case.machine, pattern): [*_left(case).values()][-1] + effect},
+        over=_DEPENDS.get(pattern.how if rows[0].leg else "", "minutes"),
+        effect_mm=(effect, reach),
+        shown=np.flatnonzero(reach).tolist(),
+        ringed=wrong,
+    )
+    return doc.Figure(panels, 3 if rows[0].leg else 2, key=key)  # as wide as they are
+
+
+def _column(rows: Sequence[Residual], name: str) -> Floats:
+    """A quantity of the readings, shape (n,); NaN where it is not known."""
+    return np.array([getattr(row, name) for row in rows], np.float64)
+
+
+def _on_bed(case: Case) -> bool:
+    return any(row.x_mm is not None for row in case.answer.residuals)
+
+
+def _left(case: Case) -> dict[str, Floats]:
+    """Model → measured − modelled, shape (n,) [mm]: the parameters alone, and all that is found."""
+    answer, rows = case.answer, case.answer.residuals
+    known = (f"the {pattern_name(pattern)}" for pattern in answer.beyond)
+    causes = " and ".join((*(cause.id for cause in answer.causes), *known))
+    measured, alone = _column(rows, "measured_mm"), _column(rows, "modelled_mm")
+    left = {f"{case.words.many} only": measured - alone}
+    if causes:
+        both = _column(rows, "with_causes_mm")
+        left[f"with {causes}"] = measured - np.where(np.isnan(both), alone, both)
+    return left
+
+
+def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
+    """Every reading or difference as it was written down, and what the models leave of it.
+
+    With `distances` only the measured distances between places of a bed.
+    """
+    chosen = [k for k, row in enumerate(case.answer.residuals) if row.distance or not distances]
+    rows = [case.answer.residuals[k] for k in chosen]
+    left = {model: values[chosen] for model, values in _left(case).items()}
+    readings = case.answer.input.kind == DataKind.READINGS
+    at, places = "difference", [row.posture or "" for row in rows]
+    if _on_bed(case):
+        touches = [position_words((e.x_mm or 0.0, e.y_mm or 0.0), 1) for e in rows]
+        places = ["distance" if e.distance else xy for e, xy in zip(rows, touches, strict=True)]
+        at = "at"
+    elif readings:
+        keys = "leg", "direction", "posture", "end", "cycle"
+        names = [key for key in keys if any(getattr(row, key) for row in rows)]
+        at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
+    # All with the digits of the longest one: 0.20 is more than 0.2.
+    digits = max((len(short(e.measured_mm, 4).partition(".")[2]) for e in rows), default=0)
+    columns = {at: places, "measured, mm": [signed(row.measured_mm, digits) for row in rows]}
+    sizes = {model: [signed(mm, 4) for mm in values.tolist()] for model, values in left.items()}
+    if not readings:
+        single = case.answer.input.kind == DataKind.SINGLE
+        caption = f"Last columns: residuals of each model. {comparison_words(single)[1]}"
+        return doc.Grid.of({**columns, **sizes}, caption=caption)
+    model = [*left][-1]  # a long list has room for one of them
+    columns[f"left, {model}"] = sizes[model]
+    return doc.Grid.of({"no.": [str(row.order) for row in rows], **columns}, (1,))
+
+
+def _by_leg(case: Case) -> tuple[str, doc.Grid]:
+    """Means of the repeats [µm], one row per series, one column per model and posture; a title."""
+    rows, left = case.answer.residuals, _left(case)
+    postures = list(dict.fromkeys(row.posture or "" for row in rows))
+    several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
+    cells: dict[str, dict[str, list[int]]] = {}
+    for k, row in enumerate(rows):
+        name = series_of(row).words
+        name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
+        name += f", part {row.part}" if parts else ""
+        cells.setdefault(name, {}).setdefault(row.posture or "", []).append(k)
+    table = []
+    for name, at in sorted(cells.items()):
+        means = [
+            [signed(1000.0 * float(values[at[p]].mean()), 1) if p in at else "" for p in postures]
+            for values in left.values()
+        ]
+        table.append([name, *means[0], *(cell for others in means[1:] for cell in ("", *others))])
+    head = ["", *postures, *["  ", *postures] * (len(left) - 1)]
+    return f"Mean residuals, µm: {', and '.join(left)}.", doc.Grid(head, table)
+
+
+def _surfaces(case: Case) -> Iterator[tuple[str, list[int], Floats]]:
+    """Each touched height of a bed, in words where there are several: its touches, (n, 2) [mm]."""
+    rows = [(k, row) for k, row in enumerate(case.answer.residuals) if not row.distance]
+    heights = sorted({row.surface_mm or 0.0 for _, row in rows})
+    for height in heights:
+        touches = [(k, row) for k, row in rows if (row.surface_mm or 0.0) == height]
+        places = np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for _, row in touches])
+        yield f", at {height:g} mm" if len(heights) > 1 else "", [k for k, _ in touches], places
+
+
+def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
+    """Rows of signs, y upwards, of touches (n, 2); blank where nothing was touched.
+
+    What is left of the touches of one cell, (n,), is averaged.
+    """
+    reach = np.abs(place_mm).max(initial=1.0)
+    y_mm, x_mm = place_mm[:, 1], place_mm[:, 0]
+    cells = partial(np.histogram2d, y_mm, x_mm, _CELLS, [(-reach, reach)] * 2)
+    (count, *_), (total, *_) = cells(), cells(weights=left_mm)
+    limits = sigma_mm * np.array([-4.0, -2.0, 2.0, 4.0])
+    kinds = np.digitize(total / np.maximum(count, 1.0), limits)
+    for row in np.where(count, np.array([*"▼−·+▲"])[kinds], " ")[::-1]:
+        if text := " ".join(row).rstrip():
+            yield f"  {text}"
+
+
+# --- causes ------------------------------------------------------------------------------------
+
+
+def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
+    """The machine with a cause of such sizes, drawn; None where no drawing shows it."""
+    # Sizes beyond U, the largest first; all of them if none is.
+    largest = sorted(sizes, key=lambda size: -abs(size.value))
+    seen = [size for size in largest if abs(size.value) > size.expanded] or largest
+    drawn = [size for size in seen if {*size.name} <= {*AXES, "_"}][:_MOST_DRAWN]
+    if moves_rails(id):
+        shims = case.answer.shims
+        key = "The rails where they really are, the gaps enlarged. "
+        key += "Arrows: move the mount there." * bool(shims)
+        panel = rails_sketch({size.name: size.value for size in sizes}, shims)
+    elif drawn and not CAUSES[id].is_rate and not _on_bed(case):
+        key = "Dashed: as it should be. Solid: as it is, enlarged."
+        panel = parameter_sketch(id, drawn)
+    else:
+        return None
+    return doc.Figure([panel], 0, key)
+
+
+def moves_rails(id: str) -> bool:
+    """True if the parameters of a cause are gaps between rails."""
+    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
+    return any(screw and screw.along for screw in screws)
+
+
+def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
+    """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
+    rows, left = case.answer.residuals, _left(case)
+    (alone, *_), (*_, both) = left, left
+    before, change = left[alone], np.abs(left[both] - left[alone])
+    wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
+    one = wrong if len(wrong) == 1 else []
+    if _on_bed(case):
+        if cause != case.answer.causes[0]:
+            return None  # one map shows what all of them do
+        sure = one and any(CAUSES[found.id].hides_reading for found in case.answer.causes)
+        maps = []
+        for title, at, places in _surfaces(case):
+            ringed = np.isin(at, one) if sure else None
+            name, bed = f"Residuals, {alone}{title}", case.machine.bed
+            maps.append(bed_map(name, places, before[at], bed, ringed=ringed))
+        return doc.Figure(maps, 0, "Ringed: wrong." if sure else _RINGED)
+    if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
+        return sketch
+    timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
+    panels = reading_panels(
+        rows,
+        left,
+        noise_mm=case.machine.instrument.noise_mm,
+        over="minutes" if timed else "",
+        shown=wrong,
+        ringed=one,
+    )
+    key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
+    return doc.Figure(panels[:_MOST_GAUGES], 0, key)

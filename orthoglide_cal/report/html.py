@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from importlib.resources import files
 
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import Html, join, tag
+from orthoglide_cal.report.document import Html, join, tag
 
 _COLUMNS = {0: "half", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
@@ -27,12 +27,8 @@ def html(page: doc.Page) -> str:
     """The file's text."""
     # Every printed page carries the report's number, whatever it is made of, and its own.
     number = "".join(c for c in page.name if c.isalnum() or c in "- ")
-    corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
-    style = files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8") + (
-        f'@page {{ @bottom-left {{ content: "{number}"; {corner} }}'
-        ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
-        f" {corner} }} }}\n"
-    )
+    style = files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8")
+    style = style.replace("NUMBER", number)
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     policy = (
         f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:;"

@@ -1,19 +1,21 @@
 """Reasons, cautions, notes and remedies in words, which stand in `sentences.toml`.
 
 A sentence is a format string over the data of its reason, the `words` of the machine and those of
-the `cause` that the reason names by its id. Where its grammar depends on the data it has a format
-of its own.
+the `cause` that the reason names by its id, which stand in its page of the guide. Where its grammar
+depends on the data it has a format of its own.
 """
 
 import math
 import string
 import tomllib
 from collections.abc import Callable, Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.inference import FoundPattern
+import yaml
+
+from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -34,8 +36,10 @@ from orthoglide_cal.words import (
 )
 
 _TEXTS = tomllib.loads(files("orthoglide_cal.report").joinpath("sentences.toml").read_text("utf-8"))
-# Source of uncertainty that is no cause → its name, and what would reduce it.
+# Source of uncertainty, or "cause" → its name, and what would reduce it.
 SOURCES: Mapping[str, Mapping[str, str]] = _TEXTS["sources"]
+# Method of a solution → how it solves.
+METHODS: Mapping[str, str] = _TEXTS["methods"]
 # How a machine responded → that in a sentence, and what to do where it is wrong.
 RESPONSES: Mapping[str, Mapping[str, str]] = _TEXTS["responses"]
 # Format of an export → where its lines go, and what they lack; what begins a comment there.
@@ -50,6 +54,22 @@ _SENTENCES: Mapping[str, str] = {
 }
 # After so many time constants what settles has come to rest: 2 % are left.
 RESTING = 4.0
+
+
+@cache
+def _cause(id: str, kind: str) -> Mapping[str, str]:
+    """Words of a cause on a kind of machine: the title of its page, and what stands above that."""
+    page = (files("orthoglide_cal") / "guide" / "causes" / f"{id}.md").read_text("utf-8")
+    _, above, below = page.split("---\n", 2)
+    title, texts = below.strip().partition("\n")[0].partition(": ")[2], yaml.safe_load(above)
+    usual = {name: text for name, text in texts.items() if isinstance(text, str)}
+    return {"title": title, **_TEXTS["causes"], **usual, **texts.get(kind, {})}
+
+
+def cause_words(id: str, machine: Machine, where: str = "") -> Mapping[str, str]:
+    """Words of a cause at a place of such a machine: title, check, advice, no_setting."""
+    words = _cause(id, machine.kind)
+    return {name: text.format(where=where) for name, text in words.items()}
 
 
 def where_words(machine: Machine, pattern: FoundPattern) -> str:
@@ -127,6 +147,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "lengths": lambda values: ", ".join(number(value) for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
+    "lines": lambda numbers: f"Line{'s' * (len(numbers) > 1)} {listed(numbers)}",
     "with": together,
     "too": lambda titles: "".join(f" and {title}" for title in titles),
     "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
@@ -180,7 +201,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
 _MACHINE_FORMATS: Mapping[str, Callable[[Machine, Any], str]] = {
     "lower": lambda machine, reason: uncapitalized(sentence(reason, machine)),
     "titles": lambda machine, ids: capitalized(
-        " and ".join(CAUSES[id].words(machine).title for id in ids)
+        " and ".join(cause_words(id, machine)["title"] for id in ids)
     ),
     "beyond": lambda machine, limits: machine.vocabulary.beyond.format(
         limit=", ".join(dict.fromkeys(f"{most:g} {unit}" for most, unit in limits))
@@ -213,6 +234,6 @@ def sentence(reason: Reason, machine: Machine | None = None) -> str:
     of_file = f"{known.pop('of_file')}: " if "of_file" in known else ""
     if machine:
         known["words"] = machine.vocabulary
-        if "{cause." in words:
-            known["cause"] = CAUSES[str(known["id"])].words(machine)
+        if "{cause[" in words:
+            known["cause"] = cause_words(str(known["id"]), machine, str(known.get("where", "")))
     return of_file + _Formatter(machine).vformat(words, (), known)

@@ -6,7 +6,7 @@ so that they can be copied. The rows of a table that is too wide become sentence
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from itertools import zip_longest
 
@@ -31,7 +31,7 @@ _GAP = "  "
 # A number keeps its name and unit on its line: their blank is none while lines are broken.
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
-# What a page is made of, as it may give way.
+# Parts of a page that may give way.
 Spare = list[str] | list[int] | list[doc.Block] | list[doc.Line] | list[list[doc.Block]]
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 
@@ -161,13 +161,18 @@ class _Lines:
         if over > 0:
             for name, *cells in rows:
                 named = (pair for pair in zip(head[1:], cells, strict=True) if pair[1])
-                parts = (Text.assemble(title, " " * bool(title), cell) for title, cell in named)
-                line = Text.assemble(name, ": ", Text(", ").join(parts))
-                yield from _hung(_wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
+                values = (Text.assemble(title, " " * bool(title), cell) for title, cell in named)
+                whole = Text.assemble(name, ": ", Text(", ").join(values))
+                yield from _hung(_wrapped(whole, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
         else:
             for row in [head, *rows] if any(grid.head) else rows:
                 texts = [_wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
-                yield from _hung(_row(texts, widths, grid.words), _GAP, _GAP)
+                for line in zip_longest(*texts, fillvalue=Text()):
+                    parts: list[str | Text] = []
+                    for k, (cell, width) in enumerate(zip(line, widths, strict=True)):
+                        space = " " * (width - cell.cell_len)
+                        parts += (_GAP, *((cell, space) if k in grid.words else (space, cell)))
+                    yield Text.assemble(*parts)
         if grid.caption:
             yield from self._paragraph(grid.caption, _GAP, _GAP, "dim")
 
@@ -193,13 +198,3 @@ def _hung(lines: Iterable[Text], first: str | Text, rest: str | Text) -> Iterato
     """Lines behind a beginning."""
     for number, line in enumerate(lines):
         yield Text.assemble(rest if number else first, line)
-
-
-def _row(cells: Sequence[list[Text]], widths: Sequence[int], left: Sequence[int]) -> Iterator[Text]:
-    """Cells of several lines each, side by side."""
-    for line in zip_longest(*cells, fillvalue=Text()):
-        parts: list[str | Text] = []
-        for k, (cell, width) in enumerate(zip(line, widths, strict=True)):
-            space = " " * (width - cell.cell_len)
-            parts += (_GAP if k else "", *((cell, space) if k in left else (space, cell)))
-        yield Text.assemble(*parts)

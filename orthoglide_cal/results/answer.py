@@ -4,15 +4,21 @@
 the parameters has one entry for each of `parameters`, in their order.
 """
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from typing import Literal, Self
 
-from pydantic import Field, computed_field
+from pydantic import AwareDatetime, Field, computed_field
 
+from orthoglide_cal import __version__
 from orthoglide_cal.estimation import PromisedDifference
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.inference import (
+from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.files.readings import GaugeIdentity
+from orthoglide_cal.inference.data import Ids
+from orthoglide_cal.inference.result import (
     AssumedSize,
     Baselines,
     Explanation,
@@ -26,11 +32,10 @@ from orthoglide_cal.inference import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.model.workspace import Workspace
-from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
+STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
 # Options of `measure` in remedies: further readings after these; some of these once more.
 THEN, RETAKE = "--then", "--resume"
 
@@ -101,6 +106,29 @@ class Release(Schema):
     @property
     def codes(self) -> tuple[str, ...]:
         return tuple(reason.code for reason in (*self.reasons, *self.cautions))
+
+
+class UsedGauge(GaugeIdentity):
+    """A gauge of a session; what the session does not say of it, the machine file may."""
+
+    resolution_mm: float | None = None
+    overdue: bool = Field(description="that day was past when it was used")
+
+
+class Validity(Schema):
+    """Conditions of one measurement; null or empty where nobody recorded them."""
+
+    measured: str | None = Field(description="when it ended, else began")
+    operator: str | None
+    gauges: tuple[UsedGauge, ...]
+    temperature_start_c: float | None
+    temperature_end_c: float | None
+    reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
+
+    @property
+    def cautions(self) -> tuple[Reason, ...]:
+        """The reservations that concern the result itself, not only its papers."""
+        return tuple(r for r in self.reservations if r.code != "not_recorded")
 
 
 class Alone(Schema):
@@ -280,3 +308,33 @@ class Answer(Schema):
     def named(self) -> Ids:
         """The causes that the parameters take into account."""
         return tuple(cause.id for cause in self.causes) if self.alone else ()
+
+
+class Identity(Schema):
+    """The number that makes a report unique, its date and program."""
+
+    number: str = Field(description="the same for the same inputs and options")
+    issued: AwareDatetime
+    software: str
+
+
+def identify(inputs: Iterable[Input], *options: object, issued: datetime | None = None) -> Identity:
+    """Identity of a result: another number for whatever a report shows otherwise.
+
+    Of each file, with the machine that it is judged by, and of all options that change the content
+    (their `str` distinguishes them). It is issued now if no time is given.
+    """
+    software = f"orthocal {__version__}"
+    parts = []
+    for given in inputs:
+        source, model = given.measured.source, given.model
+        data = [source.excerpt.data] if source.excerpt else []
+        judged = *model.ruled_out, machine_values(model)
+        parts.append((source.path, source.sha256, *data, *judged))
+    made_of = repr((software, parts, [str(option) for option in options]))
+    digest = hashlib.sha256(made_of.encode()).hexdigest()[:12].upper()
+    return Identity(
+        number=f"OC-{digest[:6]}-{digest[6:]}",
+        issued=issued or datetime.now(UTC),
+        software=software,
+    )

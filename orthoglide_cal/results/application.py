@@ -18,9 +18,9 @@ from orthoglide_cal.errors import (
     UsageError,
     command,
 )
-from orthoglide_cal.files import linuxcnc
 from orthoglide_cal.files.controller_file import (
     ControllerFile,
+    LinuxCnc,
     controller_file,
     holds,
     replace_file,
@@ -34,11 +34,10 @@ from orthoglide_cal.files.machine_file import (
 )
 from orthoglide_cal.files.moonraker import server
 from orthoglide_cal.files.text import check_writable, write_text
-from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.machine import Corrections, Entered, Written, WrittenTable
 from orthoglide_cal.model.measured import NOZZLE
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Estimate, Model
 from orthoglide_cal.results.answer import Answer
 from orthoglide_cal.schema import Reason
 
@@ -78,8 +77,8 @@ class Application:
 
     @cached_property
     def running(self) -> str | None:
-        """What `linuxcnc.running` says of the controller's file; None without one."""
-        return linuxcnc.running(self.controller) if self.controller else None
+        """What its controller's file says of a running LinuxCNC; None without one."""
+        return self.controller.running() if self.controller else None
 
     @property
     def live(self) -> bool:
@@ -100,7 +99,7 @@ class Application:
     def set_live(self) -> None:
         """Set what was written in the running LinuxCNC. Raises InputError: it does not take it."""
         written = controller_file(self.controller.target) if self.controller else None
-        if written is None or not linuxcnc.is_live(written, anew=True):
+        if not isinstance(written, LinuxCnc) or not written.is_live(anew=True):
             problem = "The running LinuxCNC does not take the offsets; its INI holds them."
             raise InputError(problem, "Restart LinuxCNC, then home.")
 

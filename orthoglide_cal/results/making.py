@@ -18,6 +18,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,36 +28,33 @@ from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
     Solution,
-    exceeds_u,
     fit_parameters,
     promise,
     solve,
 )
-from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
-from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
 from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
-from orthoglide_cal.estimation.solution import SUSPICIOUS, require_settings
+from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual, require_settings, rms
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.inference import (
-    Diagnosis,
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
+from orthoglide_cal.inference.result import (
     FoundCause,
     NextMeasurement,
     Parameter,
     Verdict,
-    diagnose,
     nothing_wrong,
 )
-from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.machine import OwnGauge
+from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
+from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Effect, Model
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
-from orthoglide_cal.results.answer import RETAKE, THEN, Release, Remedy
-from orthoglide_cal.results.validity import validity
+from orthoglide_cal.results.answer import RETAKE, STEP_K, THEN, Release, Remedy, UsedGauge, Validity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import entered_decimals
 
+EstimateT = TypeVar("EstimateT", bound=OffsetEstimate)
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
@@ -75,6 +73,7 @@ def answer_to(
     holdout: str | None = None,
     details: bool = False,
     corrects: Collection[str] = (),
+    dates: Sequence[Input] = (),
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
 
@@ -85,6 +84,7 @@ def answer_to(
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
         corrects: ids that the controller is to correct, too: those hold no release.
+        dates: of which the input is made, oldest first; each is given its parameters.
 
     Raises:
         UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
@@ -113,7 +113,7 @@ def answer_to(
     following = None
     if diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
-        from orthoglide_cal.planning import best_next
+        from orthoglide_cal.planning.plan import best_next
 
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following, corrects)
@@ -164,6 +164,7 @@ def answer_to(
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     else:
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
+    was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack = diagnosis.lack_of_fit
     lines, total = budget_lines(budget)
     workspace, std = None, budget.std_mm
@@ -198,7 +199,7 @@ def answer_to(
             dof=solution.dof,
         ),
         deviations=rows,
-        deviations_rms=_of_deviations(rows),
+        deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
         budget=lines,
         total=total,
         converged=solution.converged,
@@ -221,28 +222,79 @@ def answer_to(
         shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
+        inputs=tuple(map(schema.InputFile.of, dates)),
+        dates=tuple(_of_dates(diagnosis, dates)),
     )
 
 
-def with_dates(
-    answer: schema.Answer, diagnosis: Diagnosis, inputs: Sequence[Input]
-) -> schema.Answer:
-    """An answer to several dates as one measurement, with the parameters of each under what lasts.
-
-    `inputs` are the dates, oldest first.
-    """
-    lasting, dates = _lasting(diagnosis), []
+def _of_dates(diagnosis: Diagnosis, inputs: Iterable[Input]) -> Iterator[schema.OfDate]:
+    """The parameters of each date under what lasts."""
+    lasting = _lasting(diagnosis)
     for dated in inputs:
         machines = diagnosis.model.machine, dated.model.machine
         model = dated.model.extended(effect.transferred(*machines) for effect in lasting)
         parameters = parameters_of(widened(dated, solve(dated.measured, model)))
-        dates.append(schema.OfDate(path=dated.measured.source.path, parameters=parameters))
-    return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
+        yield schema.OfDate(path=dated.measured.source.path, parameters=parameters)
 
 
-def widened(given: Input, solution: Solution, more: Iterable[Contribution] = ()) -> Solution:
-    """The solution as unsure as `more` and the temperature leave it."""
-    return replace(solution, budget=solution.budget.extended([*more, *_warmth(given)]))
+def validity(given: Input) -> Validity:
+    """Conditions of one input."""
+    conditions, machine = given.conditions, given.model.machine
+    measured = conditions.finished or conditions.started
+    owned = {gauge.id: gauge for gauge in reversed(machine.gauges)}
+    gauges = []
+    for gauge in conditions.gauges:
+        known = dict(owned.get(gauge.id, OwnGauge(id=gauge.id)))
+        if gauge.certificate and known["certificate"] not in (None, gauge.certificate):
+            known = dict(OwnGauge(id=gauge.id))  # that is of another time
+        known |= {name: value for name, value in gauge if value}
+        due = known["due"] = known["due"] or machine.report.gauge_due
+        used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
+        gauges.append(UsedGauge(**known, overdue=bool(used and last and used > last)))
+    start, end = conditions.temperature_ends_c
+    return Validity(
+        measured=measured,
+        operator=conditions.operator,
+        gauges=tuple(gauges),
+        temperature_start_c=start,
+        temperature_end_c=end,
+        reservations=tuple(_reservations(given, gauges)),
+    )
+
+
+def _reservations(given: Input, gauges: Sequence[UsedGauge]) -> Iterator[Reason]:
+    conditions = given.conditions
+    for gauge in gauges:
+        if gauge.overdue:
+            yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
+    for remark in given.measured.remarks:
+        if remark.code in CAUTIONS:
+            yield remark
+        elif remark.code == "nozzle_lowered":
+            yield Reason.of("nozzle_lower", **remark.data)
+    known = conditions.temperatures_c
+    if known and max(known) - min(known) > STEP_K:
+        yield Reason.of("temperature_changed", kelvin=max(known) - min(known))
+    stated = {
+        "date": conditions.finished or conditions.started,
+        "operator": conditions.operator,
+        "temperature": conditions.temperature_ends_c[0] is not None,
+        "gauges": gauges,
+    }
+    missing = [name for name in given.model.machine.noted if not stated[name]]
+    for gauge in gauges:
+        if not gauge.certificate:
+            missing.append(f"certificate of gauge {gauge.id}")
+        if not gauge.due:
+            missing.append(f"due date of gauge {gauge.id}")
+    if missing and not given.measured.source.simulated:
+        yield Reason.of("not_recorded", missing=missing)
+
+
+def widened(given: Input, known: EstimateT, more: Iterable[Contribution] = ()) -> EstimateT:
+    """The parameters as unsure as `more` and the temperature leave them."""
+    warm = warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
+    return replace(known, budget=known.budget.extended([*more, *warm]))
 
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
@@ -252,13 +304,9 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
         model = model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
-    budget = diagnosis.budget.extended([*taken, *_warmth(given)])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    return OffsetEstimate(model, diagnosis.offsets_mm, budget, noise)
-
-
-def _warmth(given: Input) -> tuple[Contribution, ...]:
-    return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
+    estimate = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, noise)
+    return widened(given, estimate, taken)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
@@ -317,26 +365,18 @@ def _with_others(
 
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
-    """Deviations that offsets do not remove; None where nothing but noise is left."""
-    if not exceeds_u(promised):
+    """Deviations that offsets do not remove; None where U allows for all that is left."""
+    left, u = np.array([(row.expected_mm, row.expanded_mm) for row in promised]).reshape(-1, 2).T
+    if (left**2).sum() <= (u**2).sum():
         return None
-    left = rms(np.array([row.expected_mm for row in promised]))
     ids = [effect.cause.id for effect in model.remaining()]
-    return Reason.of("remains", ids=ids, left_mm=left)
+    return Reason.of("remains", ids=ids, left_mm=rms(left))
 
 
 def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
     """Every parameter with its U."""
     budget = known.budget
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
-
-
-def _of_deviations(rows: Sequence[PromisedDifference]) -> schema.Residue | None:
-    """r.m.s. of all of them together; None without any."""
-    if not rows:
-        return None
-    sizes = np.array([(row.measured_mm, row.expected_mm) for row in rows]).T
-    return schema.Residue(before_mm=rms(sizes[0]), after_mm=rms(sizes[1]))
 
 
 def _residuals(
@@ -522,7 +562,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
         # Instead of what happened at one place something beyond the list may have.
         sure -= {cause.id for cause in diagnosis.causes if cause.where}
     remedies = [
-        Remedy.of("do", what=cause.remedy)
+        Remedy(sentence=cause.remedy)
         for cause in diagnosis.causes
         if cause.id in sure and not cause.in_machine
     ]
@@ -533,7 +573,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     else:
         remedies.append(_decisive(diagnosis, following))
     remedies += [
-        Remedy.of("or", first=Reason.of("do", what=cause.remedy))
+        Remedy.of("or", first=cause.remedy)
         for cause in diagnosis.causes
         if cause.where and not cause.in_machine and cause.id not in sure
     ]
@@ -587,7 +627,7 @@ def _named(
     # A slip in the record is looked for sooner than a machine is taken apart.
     for finding in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
         cause = CAUSES[finding.id]
-        remedy = Remedy.of("do", what=finding.remedy)
+        remedy = Remedy(sentence=finding.remedy)
         if finding.recommended:
             remedy = Remedy.of("accept", "diagnose", f"--accept {finding.id}", id=finding.id)
         remedies.append(remedy)

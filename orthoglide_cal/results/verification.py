@@ -15,11 +15,12 @@ more than noise and local shape, as stated, explain.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from enum import StrEnum
-from operator import attrgetter
-from typing import Literal, Self
+from itertools import combinations, permutations, product
+from operator import attrgetter, itemgetter
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, InstanceOf
@@ -27,31 +28,48 @@ from pydantic import Field, InstanceOf
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
-from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
-from orthoglide_cal.estimation.gaussian import whiten
-from orthoglide_cal.estimation.methods import table_kind
-from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.files.input import Input, require_distinct
+from orthoglide_cal.estimation.budget import half_width
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum, probabilities, whiten
+from orthoglide_cal.estimation.losses import (
+    FALSE_RELEASE,
+    MISSED_FAULT,
+    NEEDLESS_HOLD,
+    is_dismissed,
+    state,
+)
+from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual, rms, table_kind
+from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
-from orthoglide_cal.inference import Parameter, diagnose
-from orthoglide_cal.inference.response import Behaviour, decide_response
-from orthoglide_cal.model.cause import NORMAL_K
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.inference.result import Parameter
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
-from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
-from orthoglide_cal.results.answer import InputFile
-from orthoglide_cal.results.history import moment_of, precedes, wrong_order
-from orthoglide_cal.results.making import parameters_of, remainder, widened
-from orthoglide_cal.results.validity import Validity, compare_reservations, validity
+from orthoglide_cal.results.answer import STEP_K, InputFile, Validity
+from orthoglide_cal.results.making import parameters_of, remainder, validity, widened
 from orthoglide_cal.schema import Reason, Schema, Sentence
+from orthoglide_cal.words import MM_PER_INCH
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
 AS_FOUND = 1e-3  # firmwares print parameters to this many of their units
 # A promise is that of heights that are less than this share of those before.
 A_PROMISE = 0.95
+
+
+class Behaviour(StrEnum):
+    """Response of the machine."""
+
+    AS_MODELLED = "as modelled"
+    OPPOSITE = "opposite sign"
+    EXCHANGED = "axes exchanged"
+    NO_RESPONSE = "no response"
+    OTHER_GAIN = "other gain"
+    PARTLY = "in part"
+    UNDETERMINED = "undetermined"
 
 
 class Outcome(StrEnum):
@@ -212,8 +230,7 @@ def verify(
         UnusableResultError: one of them does not determine the parameters.
     """
     require_distinct((before, after))
-    if swapped := in_wrong_order(before, after):
-        raise wrong_order(after, before, typed)
+    ordered = require_order(before, after, typed)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):
@@ -245,8 +262,7 @@ def verify(
     first, right = _solved(before, model)
     second, _ = _solved(after, model.correcting(held))
     added = correcting(model.machine, corrected)
-    shared = shared_differences(before.measured, after.measured, model)
-    response = _respond(shared, model.extended(added), first.offsets_mm, applied)
+    response = _respond(before.measured, after.measured, model, added, first.offsets_mm, applied)
     later, data = pose(after.measured, model, table_kind(before.measured))
     u = NORMAL_K * model.machine.instrument.noise_mm * np.sqrt(np.diag(later.covariance()))
     pairs = zip(data.tolist(), u.tolist(), strict=True)
@@ -269,11 +285,9 @@ def verify(
         worst = min(outcomes, key=[*Outcome].index)
         decision = Conformity(outcome=worst, limit_mm=limit_mm)
     # Only an opposite sign can come of the wrong order.
-    unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
+    unordered = not ordered and response["answer"] is Behaviour.OPPOSITE
     return Verification(
         **_common((before, after), (first, second), entered.tolist(), unordered),
-        kind=shared.kind,
-        compared=len(shared.change),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
         apart_mm=apart,
         apart_expanded_mm=both,
@@ -378,6 +392,25 @@ def _common(
     }
 
 
+def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
+    """Reservations of two measurements together: of each, and of both."""
+    for when, conditions, other in (("Before", before, after), ("After", after, before)):
+        for reason in conditions.reservations:
+            both = reason in other.reservations
+            if not both or conditions is before:
+                session = "Before and after" if both else when
+                yield Reason.of("of_session", when=session, reason=reason)
+    ids = [[gauge.id for gauge in conditions.gauges] for conditions in (before, after)]
+    if all(ids) and set(ids[0]) != set(ids[1]):
+        yield Reason.of("other_gauges", before=ids[0], after=ids[1])
+    ends = ((one.temperature_start_c, one.temperature_end_c) for one in (before, after))
+    known = [[end for end in pair if end is not None] for pair in ends]
+    if all(known):
+        first, second = (sum(pair) / len(pair) for pair in known)
+        if abs(second - first) > STEP_K:
+            yield Reason.of("temperatures_differ", before_c=first, after_c=second)
+
+
 def _by_axis(values: Floats) -> dict[str, float]:
     return dict(zip(AXES, values.tolist(), strict=True))
 
@@ -388,27 +421,6 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     alone = diagnosis.alone
     alone.require_possible()
     return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
-
-
-def in_wrong_order(before: Input, after: Input) -> bool | None:
-    """True if dates, or else what was entered and when, say that the second was measured first.
-
-    None if nothing says which was.
-    """
-    earlier, later = map(moment_of, (before, after))
-    if earlier and later and earlier != later:
-        return earlier > later
-    history = before.keeper.model.machine.history if before.keeper else ()
-    digests = [entry.data_sha256 for entry in history]
-    first, second = (given.measured.source.sha256 for given in (before, after))
-    if second in digests:
-        return first not in digests or digests.index(second) < digests.index(first)
-    # With what was entered active in the first and not yet in the second, or as it should be.
-    held, then = (given.model.machine.active for given in (before, after))
-    changes = [entry.active for entry in history if then != held]
-    if (then, held) in changes:
-        return True
-    return False if first in digests or (held, then) in changes else None
 
 
 def _entered(
@@ -426,7 +438,7 @@ def _entered(
         corrected = known.corrected
     if applied is not None:
         return np.array(applied, dtype=float), corrected
-    if known and precedes(after, known):
+    if known and after.precedes(known):
         paths = (given.measured.source.path for given in (after, before))
         raise UsageError(
             "{} was measured before the offsets of {} were entered.".format(*paths),
@@ -453,76 +465,37 @@ def _more(before: Corrections, after: Corrections) -> Corrections:
     }
 
 
-# --- what both determine ----------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class SharedDifferences(ReadOnly):
-    """The same k differences in two sessions of a machine."""
-
-    kind: DataKind
-    before: Problem
-    after: Problem
-    change: Floats  # after − before, measured, shape (k,) [mm]
-
-    @property
-    def covariance(self) -> Floats:
-        """Covariance of the change for unit variance of one reading, shape (k, k)."""
-        return self.before.covariance() + self.after.covariance()
-
-
-def shared_differences(before: Measured, after: Measured, model: Model) -> SharedDifferences:
-    """The differences that both sessions of a machine hold, of the kind with most of them.
-
-    Raises:
-        UsageError: they share fewer than four.
-    """
-    kinds = [kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds]
-    every = [_of_kind(kind, before, after, model) for kind in kinds]
-    shared = max(every, key=lambda differences: len(differences.change), default=None)
-    if shared is None or len(shared.change) < 4:
-        raise UsageError(
-            "The two files share fewer than four differences: three offsets cannot be verified.",
-            "Measure the same legs at iso, max and min with the same protocol before and after.",
-        )
-    return shared
-
-
-def _of_kind(kind: DataKind, before: Measured, after: Measured, model: Model) -> SharedDifferences:
-    (first, was), (second, is_now) = (pose(data, model, kind) for data in (before, after))
-    both = tuple(difference for difference in first.which if difference in second.which)
-
-    def held(problem: Problem, data: Floats) -> tuple[Problem, Floats]:
-        """Those that both sessions hold."""
-        rows = [*map(problem.which.index, both)]
-        return replace(problem, matrix=np.asarray(problem.matrix)[rows], which=both), data[rows]
-
-    (first, was), (second, is_now) = held(first, was), held(second, is_now)
-    return SharedDifferences(kind, first, second, is_now - was)
-
-
 # --- how the machine responded ----------------------------------------------------------------
 
 
 def _respond(
-    shared: SharedDifferences, corrected: Model, offsets: Floats, applied: Floats
+    before: Measured,
+    after: Measured,
+    model: Model,
+    added: Sequence[Effect],
+    offsets: Floats,
+    applied: Floats,
 ) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
     Args:
-        shared: k differences of both sessions.
-        corrected: the machine with what its controller corrects since the first one.
+        before, after: of a machine, `model`.
+        added: what its controller corrects since the first one.
         offsets: Δρ before the correction, shape (3,) [mm].
         applied: δ, shape (3,) [mm]; all zero only where something was corrected.
     """
-    gauge, remaining = corrected.machine.instrument, offsets - applied
+    kind, first, second, change = shared_differences(before, after, model)
+    gauge, remaining = model.machine.instrument, offsets - applied
     # Midway, where a linear model of the change is right to third order.
-    jacobian = -shared.after.predict_with_jacobian(offsets - applied / 2.0)[1]
-    later = replace(shared.after, model=corrected).predict(remaining)
-    predicted = later - shared.before.predict(offsets)
-    offsets_alone = shared.change - (later - shared.after.predict(remaining))
-    values = shared.change, offsets_alone, predicted[:, None], jacobian
-    change, moved, predicted, jacobian = whiten(shared.covariance, *values)
+    jacobian = -second.predict_with_jacobian(offsets - applied / 2.0)[1]
+    later = replace(second, model=model.extended(added)).predict(remaining)
+    predicted = later - first.predict(offsets)
+    moved = change - (later - second.predict(remaining))  # by the offsets alone
+    covariance = first.covariance() + second.covariance()  # for unit variance of a reading
+    typical = rms(np.sqrt(np.diag(covariance)))
+    change, moved, predicted, jacobian = whiten(
+        covariance, change, moved, predicted[:, None], jacobian
+    )
     # The axes are fitted together; corrections have one gain.
     acting, moves = (change, predicted, np.ones(1)), list[Coefficient]()
     (gain,), left, spare = _regress(change, predicted, gauge)
@@ -537,9 +510,10 @@ def _respond(
         for axis, by, move, other in rows
     }
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
-    typical = rms(np.sqrt(np.diag(shared.covariance)))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
+        "kind": kind,
+        "compared": len(change),
         "response": gain,
         "response_dof": len(change) - 1,
         "axes": axes,
@@ -555,6 +529,31 @@ def _respond(
     }
 
 
+def shared_differences(
+    before: Measured, after: Measured, model: Model
+) -> tuple[DataKind, Problem, Problem, Floats]:
+    """The k differences that both sessions of a machine hold, of the kind with most of them.
+
+    That kind, the problems of both, and the change, after − before, measured, (k,) [mm]. Raises
+    UsageError: they share fewer than four.
+    """
+    every = []
+    for kind in (kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds):
+        (first, was), (second, now) = (pose(data, model, kind) for data in (before, after))
+        one, other = (
+            np.array([difference in which for difference in problem.which], dtype=bool)
+            for problem, which in ((first, second.which), (second, first.which))
+        )
+        every.append((kind, first.only(one), second.only(other), now[other] - was[one]))
+    shared = max(every, key=lambda row: len(row[-1]), default=None)
+    if shared is None or len(shared[-1]) < 4:
+        raise UsageError(
+            "The two files share fewer than four differences: three offsets cannot be verified.",
+            "Measure the same legs at iso, max and min with the same protocol before and after.",
+        )
+    return shared
+
+
 def _regress(
     change: Floats, columns: Floats, gauge: Instrument
 ) -> tuple[list[Coefficient], float, int]:
@@ -568,3 +567,82 @@ def _regress(
     reach = half_width(spare) * sigma * np.linalg.norm(inverse, axis=1)
     rows = np.stack((sizes, sizes - reach, sizes + reach), axis=1).tolist()
     return [Coefficient(value=value, ci95=ends) for value, *ends in rows], left, spare
+
+
+# --- hypotheses about the response ------------------------------------------------------------
+
+
+# Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
+STANDS = 0.01
+SIZES = 2.0 ** np.arange(-5.0, 6.0)  # prior ones of what is free, in units of what was applied
+NOISE = 2.0 ** np.arange(-1.0, 7.0, 0.5)  # that are tried, in units of what is stated
+# A correction that has to be verified went wrong as often as not, in each of five ways as often.
+PRIOR = dict.fromkeys(Behaviour, 0.1) | {Behaviour.AS_MODELLED: 0.5}
+# Of exchanged axes half have kept their signs: five orders of 46.
+SIGNS_KEPT, SIGNS_CHANGED = 0.5 / 5.0, 0.5 / 41.0
+
+
+class Response(NamedTuple):
+    """One hypothesis: what each axis did."""
+
+    behaviour: Behaviour
+    share: float  # of the prior of that behaviour
+    moved: Floats  # what the axes moved by, shape (3,) [mm]
+    free: Floats  # columns of what is free about it, of size 1, shape (3, q) [mm]
+
+
+def responses(applied: Floats) -> Iterator[Response]:
+    """Every hypothesis about what was applied, (3,) [mm], not all zero; or all as one, (1,)."""
+    nothing, every = np.zeros((len(applied), 0)), np.abs(applied).max() * np.eye(len(applied))
+    yield Response(Behaviour.AS_MODELLED, 1.0, applied, nothing)
+    yield Response(Behaviour.OPPOSITE, 1.0, -applied, nothing)
+    yield Response(Behaviour.NO_RESPONSE, 1.0, 0.0 * applied, nothing)
+    yield Response(Behaviour.OTHER_GAIN, 0.5, applied, applied[:, None])
+    for gain in (MM_PER_INCH, 1.0 / MM_PER_INCH):
+        yield Response(Behaviour.OTHER_GAIN, 0.25, gain * applied, nothing)
+    if len(applied) == 1:
+        return  # nothing is exchanged, and a part of it is another gain
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        if order != (0, 1, 2) or len(set(signs)) > 1:
+            share = SIGNS_KEPT if min(signs) > 0.0 else SIGNS_CHANGED
+            moved = np.array(signs) * applied[list(order)]
+            yield Response(Behaviour.EXCHANGED, share, moved, nothing)
+    subsets = [list(axes) for count in (1, 2, 3) for axes in combinations(range(3), count)]
+    for subset in subsets:
+        yield Response(Behaviour.PARTLY, 1.0 / len(subsets), applied, every[:, subset])
+
+
+def decide_response(
+    change: Floats, jacobian: Floats, applied: Floats, noise_mm: float
+) -> tuple[Behaviour, Response]:
+    """The statement of least expected loss about a correction, and its likeliest hypothesis.
+
+        change = J m + e,   m = order·applied + C g,   g ~ N(0, size²),   e ~ N(0, σ² I)
+
+    A hypothesis is a signed order of what was applied, and what is free about it, C g: the gain of
+    all axes together, or axes by themselves. σ is unknown: two sessions often differ by more than
+    their gauge's noise.
+
+    Args:
+        change: of the readings, in independent noise, shape (k,) [mm].
+        jacobian: J, derivative of it by what the axes moved by, m, shape (k, 3).
+        applied: what was entered, shape (3,) [mm], not all zero.
+        noise_mm: standard deviation of one reading, as stated.
+    """
+    noise, weighed = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE))), []
+    weights: dict[Behaviour, list[float]] = {}
+    for one in responses(applied):
+        columns = jacobian @ np.hstack((np.diag(STANDS * one.moved), one.free))
+        sizes = np.repeat(SIZES[:, None], columns.shape[1], axis=1)
+        sizes[:, : len(one.moved)] = 1.0
+        log = log_mean(Gaussian(columns, sizes, noise).by_noise(change - jacobian @ one.moved))
+        log += math.log(one.share * PRIOR[one.behaviour])
+        weighed.append((log, one))
+        weights.setdefault(one.behaviour, []).append(log)
+    belief = probabilities({key: float(log_sum(np.array(logs))) for key, logs in weights.items()})
+    stated, _ = state(belief, Behaviour.AS_MODELLED, MISSED_FAULT, NEEDLESS_HOLD)
+    either = Behaviour.AS_MODELLED, Behaviour.NO_RESPONSE
+    if stated in either and not is_dismissed(min(belief[key] for key in either), FALSE_RELEASE):
+        return Behaviour.UNDETERMINED, weighed[0][1]
+    same = (pair for pair in weighed if pair[1].behaviour is stated)
+    return stated, max(same, key=itemgetter(0))[1]

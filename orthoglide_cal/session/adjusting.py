@@ -18,22 +18,27 @@ from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, c
 from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.inference import Diagnosis, diagnose
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
-from orthoglide_cal.session import events, wording
+from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
-from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import State
+from orthoglide_cal.session.dialogue import (
+    TYPED,
+    VIRTUAL,
+    Dialogue,
+    serial_gauge,
+    setting_in,
+    time_of_day,
+)
+from orthoglide_cal.session.events import Journal, State, create, decode
 from orthoglide_cal.session.gauges import Token
-from orthoglide_cal.session.journal import Journal, create, decode
-from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
-from orthoglide_cal.words import decimals_for, signed, with_uncertainty
+from orthoglide_cal.words import decimals_for, signed, value_text, with_uncertainty
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -208,7 +213,7 @@ class AdjustingDialogue(Dialogue):
         self._introduce(step, phase, one)
         noun = self.setting.machine.vocabulary.noise  # the instrument that is read
         if phase in _ASKED:
-            above = wording.place(step, self.setting)
+            above = self._place(step)
             now = f"{_ASKED[phase].format(noun.capitalize())} [mm]{asker.hint}"
         else:
             above, now = _lines(one, noun)
@@ -218,7 +223,7 @@ class AdjustingDialogue(Dialogue):
         answer = asker.ask(f"{above}\n{now} > ", step, self.state.takes(step.number))
         raw = answer.raw if isinstance(answer, Token) else str(answer)
         longest = max(len(above), len(f"{now} > {raw}"))
-        self._stays = phase not in _ASKED and longest < asker.columns
+        self._stays = phase not in _ASKED and longest < asker.keyboard.columns
         self._receive(answer, step)
 
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
@@ -230,9 +235,9 @@ class AdjustingDialogue(Dialogue):
         drives_off, new = phase not in driven, step.setup != self._shown[0]
         if new:
             if step.cell.words:
-                rule, text = f"-- {plan.name} ".ljust(asker.columns - 2, "-"), PROBED
+                rule, text = f"-- {plan.name} ".ljust(asker.keyboard.columns - 2, "-"), PROBED
             else:
-                rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
+                rule, text = self._set_up(step.setup, begun)
                 text = BEGUN if begun else text
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
@@ -244,7 +249,7 @@ class AdjustingDialogue(Dialogue):
         if phase is Phase.HERE:
             asker.say("Switch the drives on; home, if the controller asks for it.", Style.TITLE)
         if not (drives_off and begun) or (new and plan.homed):
-            asker.say(wording.place(step, self.setting))
+            asker.say(self._place(step))
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:
             while not self._agrees(asked):
@@ -269,7 +274,7 @@ class AdjustingDialogue(Dialogue):
         self.write(taken.changed(step=step.number + later))
         self.asker.rest(driving=False)
         if phase in _ASKED:
-            self.asker.say(f"   saved {wording.value_text(taken.value_mm, self.unit)}", Style.GOOD)
+            self.asker.say(f"   saved {value_text(taken.value_mm, self.request.unit)}", Style.GOOD)
 
     def _obey(self, key: str, words: str, step: SessionStep) -> None:
         """Do what a key says; nothing is read again but what was undone."""
@@ -307,7 +312,7 @@ def open_adjustments(
     What is `opened` is closed with them. Raises UsageError: they are begun already, or not yet;
     InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
     """
-    if SIMULATED in source:
+    if VIRTUAL in source:
         problem = "A simulated gauge does not see what you push."
         raise UsageError(problem, "Leave out --gauge to type the readings, or name a real one.")
     session = Path(given.measured.source.path)
@@ -319,22 +324,21 @@ def open_adjustments(
         )
     asker.gauge = serial_gauge(source, opened)  # a missing one leaves no file behind
     following = events.Following(data=read_document(str(session)), what=cause)
-    cells, at, machine = _cells(adjustments), clock(), machine_text(given.model)
+    cells, at, machine = _cells(adjustments), time_of_day(), machine_text(given.model)
     begun = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     planned = events.Planned(at=at, readings=cells, following=following)
     if not resume:
         create(target, begun, planned)
     journal = Journal.resume(target, opened)
-    state = events.replay(journal.events)
-    _check_same(state, following, adjustments, target)
-    asker.gauge = asker.gauge or serial_gauge(state.source, opened)
+    _check_same(journal.state, following, adjustments, target)
+    asker.gauge = asker.gauge or serial_gauge(journal.state.source, opened)
     places = enumerate(product(range(1, len(adjustments) + 1), PHASES))
     steps = tuple(
         SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
         for number, (setup, phase) in places
     )
-    setting = setting_in(journal, state, steps)
-    return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
+    setting = setting_in(journal, steps)
+    return AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
@@ -356,7 +360,7 @@ def _check_same(
 def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
     """The journals of what was adjusted by these data, as far as they come."""
     for path in adjustments_by(source.path):
-        state = events.replay(decode(path.read_bytes(), path).events)
+        state = decode(path.read_bytes(), path).state
         following = state.planned and state.planned.following
         if following and following.data.sha256 == source.sha256:
             yield path, state, following

@@ -1,39 +1,118 @@
-"""The loop of a session: show a step, wait for an answer, check it, put it on the disk."""
+"""A guided session: how it begins or goes on, its loop, its words, and where its file is.
 
+The loop shows a step, waits for an answer, checks it and puts it on the disk.
+"""
+
+import os
 import re
+import secrets
 import time
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack, closing, suppress
+from dataclasses import dataclass, field, replace
 from datetime import datetime
+from operator import attrgetter
 from pathlib import Path
 
-from orthoglide_cal.errors import InputError, command, system_words, visible
-from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
-from orthoglide_cal.files.readings import session_text
-from orthoglide_cal.files.text import write_text
-from orthoglide_cal.model.readings import AXES
+import numpy as np
+
+from orthoglide_cal.errors import (
+    InputError,
+    OrthocalError,
+    UsageError,
+    command,
+    system_words,
+    visible,
+)
+from orthoglide_cal.files import machine_file
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.readings import implausible_temperatures, session_text
+from orthoglide_cal.files.text import free_path, read_document, write_text
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import NextMeasurement
+from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.plan import AnyCell
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
+from orthoglide_cal.planning.plan import rank_measurements
 from orthoglide_cal.planning.steps import (
     GIVES_UP,
+    MOST_CYCLES,
+    GuidedSession,
     MeasuringProtocol,
     SessionStep,
     clock,
     gauge_moves,
-    step_name,
-    with_set_ups,
+    require_on_bar,
+    steps_of,
 )
-from orthoglide_cal.session import events, wording
+from orthoglide_cal.schema import Reason, parse_number
+from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.checks import Question, check
-from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
-from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
-from orthoglide_cal.words import Unit, counted, decimals_for, signed
+from orthoglide_cal.session.events import (
+    Doubt,
+    Event,
+    Journal,
+    Questioned,
+    State,
+    advance,
+    create,
+    decode,
+    replay,
+)
+from orthoglide_cal.session.gauges import (
+    NEAR_MM,
+    SerialGauge,
+    SimulatedGauge,
+    Standing,
+    Stood,
+    Token,
+    parse_typed,
+)
+from orthoglide_cal.session.readings import (
+    PriorReadings,
+    Question,
+    ReadingsSoFar,
+    Setting,
+    check,
+    count_words,
+)
+from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed, value_text
 
+TYPED, VIRTUAL = "typed", "simulated"
+JOURNAL = ".journal"
+_LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
 # What every U before the end leaves out: asking what else may be wrong takes all readings.
 UNLESS = "95 % if nothing else is wrong"
 WAIT_S = 0.3  # how often a machine that is followed is looked at
+
+HELP = """\
+Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
+  u            undo the last reading
+  r 14 why     retake step 14 (r x: all of leg X); the old reading is kept
+  n text       note, kept with this step
+  s why        skip this step (s all: skip all that is left, and finish)
+  t            the last 20 readings
+  q            save and quit; continue later with --resume
+  ?            this help
+A reading that looks wrong is questioned once:
+  k            keep it anyway
+  m            the stand did move: keep it, with a new zero from here on
+  or give the reading again.
+The words undo, retake, note, skip, quit and help do the same.
+Every accepted reading is on the disk before the next prompt."""
+
+STREAM = """\
+Many readings at once: a gauge that sends by itself, or pasted lines. None of
+it is recorded. Switch off the gauge's continuous output (also: AUTO, STREAM,
+INTERVAL), so that it sends when its button is pressed; type one at a time."""
+
+OUT_OF_RANGE = """\
+Not kept: the gauge cannot show this. Read it again, or skip it: s and why.
+Set a gauge that has a preset to zero. If its stated range is wrong: q, then
+correct range_mm in the machine file and begin anew."""
 
 # Keys as words, too.
 _KEYS = {
@@ -47,6 +126,39 @@ class Quit(Exception):
     """The operator leaves a session before its end: saved, to be resumed later."""
 
 
+@dataclass(frozen=True)
+class Request:
+    """The operator's wishes on the command line; None where it says nothing.
+
+    What stands in `events.Opened` too must not change while a session lasts.
+    """
+
+    path: Path | None = None  # of the session file
+    resume: bool = False  # go on with an unfinished session
+    agreed: bool = False  # to what is asked before the first reading, and to read what is missing
+    offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
+    model: Model | None = None
+    otherwise: Callable[[], Model] = machine_file.default_machine  # where no file names one
+    keeper: machine_file.StoredMachine | None = None  # of what is entered, where data continue
+    following: str | None = None  # path of the data that the session continues
+    choice: int | None = None  # which recommendation is carried out, from 1
+    session: Mapping[str, object] = field(default_factory=dict)  # given fields of `GuidedSession`
+    source: tuple[str, ...] = ()
+    follow: str | None = None  # address of the controller whose machine is waited for
+    seed: int | None = None
+    unit: Unit = Unit.MM  # of readings without one
+    until_mm: float | None = None  # end once every offset is known this well; else take them all
+    operator: str = ""
+    temperature_c: float | None = None
+    gauges: tuple[events.GaugeLabel, ...] = ()
+    says: Callable[[Reason], str] = attrgetter("code")  # words a reason
+
+
+def time_of_day() -> str:
+    """The time of day, ISO 8601 with the offset from UTC, to the millisecond."""
+    return datetime.now().astimezone().isoformat(timespec="milliseconds")
+
+
 @dataclass(eq=False)
 class Dialogue:
     """From where the journal ends to the end of the session, or to an interruption."""
@@ -55,26 +167,24 @@ class Dialogue:
     journal: Journal
     setting: Setting
     asker: Asker
-    now: Callable[[], str]  # the time of day, ISO 8601
-    unit: Unit = Unit.MM  # of readings without one
-    until_mm: float | None = None  # end once every offset is known this well; else take them all
+    request: Request = Request()
     standing: Standing | None = None  # where a machine that is followed stands
-    agreed: bool = False  # that what was left out is read, without asking
+    now: Callable[[], str] = time_of_day
     so_far: ReadingsSoFar = field(init=False)  # that count now
     _shown: tuple[object, ...] = (None,)  # the visit of the machine that was shown last
 
     def __post_init__(self) -> None:
-        self.so_far = ReadingsSoFar(replay(self.journal.events), self.setting)
+        self.so_far = ReadingsSoFar(self.state, self.setting)
 
     @property
     def state(self) -> State:
         """The state after all records."""
-        return self.so_far.state
+        return self.journal.state
 
     def write(self, event: Event) -> None:
         """Put a record on the disk, then let it count."""
         self.journal.append(event)
-        self.so_far = ReadingsSoFar(advance(self.state, event), self.setting)
+        self.so_far = ReadingsSoFar(self.state, self.setting)
 
     def greet(self) -> None:
         """Say what lies ahead, or what was there already."""
@@ -91,7 +201,7 @@ class Dialogue:
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
         following = self.setting.following
-        long = wording.duration(following.minutes if following else clock(steps)[-1]).lower()
+        long = duration(following.minutes if following else clock(steps)[-1]).lower()
         counts = f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help."
         self.asker.say(f"{head}\nFile     {visible(str(self.path))}\n{counts}")
         if lost := self.journal.lost:
@@ -131,12 +241,12 @@ class Dialogue:
         state, steps, live = self.state, self.setting.steps, self.asker.keyboard.live
         missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]
         last = self.so_far.steps[-1] if state.accepted else (missing or steps)[0]
-        if missing and (self.agreed or live):
-            again = with_set_ups(missing, last.setup, steps, state.accepted)
+        if missing and (self.request.agreed or live):
+            again = self._with_set_ups(missing, last.setup)
             old = sum(step.number in state.accepted for step in again)
             more = f" For that, {old} earlier readings are taken again: the stands were moved."
             self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
-            if self.agreed or self._agrees("Read what is missing now? y/n > "):
+            if self.request.agreed or self._agrees("Read what is missing now? y/n > "):
                 self._take_again(again, "reopened")
         taken = state.accepted.items()
         kept = [f"r {step}" for step, item in taken if isinstance(item.take, Questioned)]
@@ -167,7 +277,7 @@ class Dialogue:
         counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
-        until = self.until_mm
+        until = self.request.until_mm
         if not (until is None or state.dropped or self._known_within(until)):
             enough = command("plan", options=f"--target {until:g}")
             lines.append(f"Not every offset is known within {until:g} mm. More cycles: {enough}")
@@ -184,6 +294,100 @@ class Dialogue:
             words = " ".join(f"{axis} {signed(value, 3)}" for axis, value in offsets)
             self.asker.show(f"True offsets: {words} mm")
 
+    # ---- the words that lead through it, in plain characters
+
+    def _set_up(self, setup: int, begun: bool) -> tuple[str, str]:
+        """Heading of a gauge set-up, and its instructions.
+
+        Once it is `begun`, readings were taken in it: the stands must stay where they are.
+        """
+        setting, columns = self.setting, self.asker.keyboard.columns
+        here = [step for step in setting.steps if step.setup == setup]
+        planned, following = here[0].cell, setting.following
+        leg, contact = AXES[planned.leg].upper(), planned.contact
+        directions = sorted({step.direction for step in here})
+        names = [AXES[direction].upper() for direction in directions]
+        s = "s" if len(directions) > 1 else ""
+        last = max(step.setup for step in setting.steps)
+        heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
+        right = f" steps {here[0].number}-{here[-1].number}"
+        rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
+        if contact is not Contact.FIXED:
+            words = [
+                "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
+                f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
+                "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
+            ]
+        elif following and following.continues and not begun and setup == 1:
+            path = visible(following.data.path)
+            words = [
+                "Do not touch the stands: they must be where they were for the last reading",
+                f"of {path}. If one was touched since: q, and measure anew.",
+            ]
+        elif begun:
+            words = [
+                "The stands are in place: do not touch them. If one was moved anyway,",
+                "just continue: the next reading will be questioned; then answer m.",
+            ]
+        else:
+            words = []
+            rows = setting.first.rows if setting.first else []
+            bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
+            if planned.turned:
+                sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
+                words = [
+                    f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
+                    f"   turn it half round its own axis (what faced {sides} then faces away),"
+                    " tighten.",
+                ]
+            elif bars and bars[-1]:
+                words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
+            half = "half-way: " if planned.gauge_at == 0.5 else ""
+            place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
+            moved = [step.cell.displacement for step in here]
+            # A gauge on the + side reads more when the leg is pushed towards +.
+            places = ", ".join(f"{name} on the +{name} side" for name in names)
+            words += [
+                "1. Drive to the isotropic posture: each leg lies along its own axis.",
+                f"   Put the stand{s} on the base, not on a moving part.",
+                f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
+                f"3. Gauge {places}: leg pushed to + must read more.",
+                f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
+                " Then touch no stand.",
+            ]
+        return rule, "\n".join(words)
+
+    def _step_line(self, step: SessionStep) -> str:
+        """Place of step n of N, and the time that is left."""
+        setting, minutes = self.setting, clock(self.so_far.left)[-1]
+        # The isotropic posture once more than the others closes a set-up.
+        repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
+        here = repeats[step.cell]
+        moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
+        closes = step.cell.displacement == 0.0 and here == max(moved, default=here) + 1
+        when = f"cycle {step.cycle} of {here - closes}"
+        if closes and step.cycle == here:
+            when = "closing"
+        short = "".join(
+            f", carriage {axis.upper()} {abs(mm):g} mm {'short' if mm > 0.0 else 'too far'}"
+            for axis, mm in zip(AXES, setting.short_mm(step).tolist(), strict=True)
+            if mm
+        )
+        return (
+            f"Step {step.number} of {len(setting.steps)}: leg {AXES[step.leg].upper()},"
+            f" {step.posture_name}{short}, {when}. {duration(minutes)} left."
+        )
+
+    def _place(self, step: SessionStep) -> str:
+        """Point to drive to, in words: its joints, and its tool; either is the same posture."""
+        if step.cell.words:
+            return step.cell.words
+        joints, tool = self.setting.point(step)
+        return (
+            f"Drive to  joints   {by_axis(joints, '.3f', '   ')}  mm\n"
+            f"          tool     {by_axis(tool.round(6) + 0.0, '.3f', '   ')}  mm"
+        )
+
     # ---- what is asked
 
     def _ask_for(self, step: SessionStep) -> None:
@@ -191,19 +395,16 @@ class Dialogue:
 
         A new set-up is shown whole; of another visit of the machine its place.
         """
-        asker, setting = self.asker, self.setting
-        new = step.visit != self._shown
-        place = wording.place(step, setting)
+        asker, place, new = self.asker, self._place(step), step.visit != self._shown
         if new:
             gap = "\n"
             if step.setup != self._shown[0]:  # a visit's first entry
                 begun = step.setup in {s.setup for s in self.so_far.steps}
-                rule, text = wording.set_up(setting, step.setup, begun, asker.columns)
+                rule, text = self._set_up(step.setup, begun)
                 asker.say(f"\n{rule}", Style.TITLE)
                 asker.say(text)
                 gap = ""
-            left = clock(self.so_far.left)[-1]
-            asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
+            asker.say(f"{gap}{self._step_line(step)}", Style.TITLE)
         if asker.pushed:  # also by the line of a new step
             asker.say(place)
         if new:
@@ -212,7 +413,7 @@ class Dialogue:
         asker.pushed = False
         touched = step.cell.contact.end
         end = f" at the {touched.upper()} end" if touched else ""
-        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]"
+        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.request.unit}]"
         prompt = f"{place}\n{gauge}{asker.hint} > "
         answer = asker.ask(prompt, step, self.state.takes(step.number))
         self._receive(answer, step)
@@ -221,9 +422,8 @@ class Dialogue:
         """Place of the machine, if it is followed; says once that it is not any more."""
         if self.standing is None:
             return Stood()
-        point = wording.point(step, self.setting)
         try:
-            return self.standing.at(*point, self.setting.machine.home_mm)
+            return self.standing.at(*self.setting.point(step), self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
             self.standing.close()
             self.standing = None
@@ -249,7 +449,7 @@ class Dialogue:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
         may_move = pending.doubt.compares and not pending.about
-        value = wording.value_text(pending.value_mm, self.unit)
+        value = value_text(pending.value_mm, self.request.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
         here = step.cell, step.zero
         alike = [s.number for s in self.so_far.steps if (s.cell, s.zero) == here]
@@ -266,7 +466,7 @@ class Dialogue:
         word = word.lower()
         if word in ("k", "y", "keep", "yes"):
             if not keep:
-                self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
+                self.asker.say(OUT_OF_RANGE, Style.BAD)
                 return
             if pending.doubt is Doubt.PLACE:
                 why = _clean(why) or self._words("Why is it kept? (Return: it is not) > ")
@@ -328,7 +528,7 @@ class Dialogue:
 
     def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the readings that its messages became."""
-        self.asker.say(wording.STREAM, Style.BAD)
+        self.asker.say(STREAM, Style.BAD)
         taken = 0
         while taken < stream.readings and (self.state.pending or self.state.before):
             self._undo()
@@ -349,7 +549,7 @@ class Dialogue:
         taken = self._taken(step, token, stood.words)
         value = taken.value_mm
         readings = ReadingsSoFar(advance(self.state, taken), self.setting)
-        question = check(readings, token.unit or self.unit)
+        question = check(readings, token.unit or self.request.unit)
         if stood.away_mm > NEAR_MM:
             far = f"The machine stands {stood.away_mm:.2f} mm from this posture: drive there first?"
             question = Question(Doubt.PLACE, far)
@@ -367,14 +567,14 @@ class Dialogue:
         # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
         again = doubt is not Doubt.PLACE and any(isinstance(old, Questioned) for old in near)
         if again and doubt is Doubt.RANGE:
-            self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
+            self.asker.say(OUT_OF_RANGE, Style.BAD)
         elif again:
             self.asker.say("The same reading again: kept, with a note.")
             self._keep(asked)
 
     def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
         """The record of a reading that arrives now."""
-        at, value = self.now(), token.mm(self.unit)
+        at, value = self.now(), token.mm(self.request.unit)
         if value is None:
             raise ValueError("an error message is not a reading")
         gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
@@ -400,9 +600,9 @@ class Dialogue:
         stays = any(other.visit == step.visit for other in so_far.left[:1])
         self.asker.rest(driving=not stays)
         for i in so_far.repeats[-1:]:
-            before = wording.value_text(float(so_far.value[i]), self.unit)
+            before = value_text(float(so_far.value[i]), self.request.unit)
             last = f"   (cycle {so_far.steps[i].cycle}: {before})"
-        saved = f"   saved {wording.value_text(value, self.unit)}{last}"
+        saved = f"   saved {value_text(value, self.request.unit)}{last}"
         self.asker.say(saved, Style.GOOD, pushes=not stays)
         if not stays:
             self._say_offsets()
@@ -426,7 +626,11 @@ class Dialogue:
 
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
-        if (until := self.until_mm) is None or self.state.dropped or not self._known_within(until):
+        if (
+            (until := self.request.until_mm) is None
+            or self.state.dropped
+            or not self._known_within(until)
+        ):
             return
         if not (dropped := self.so_far.unneeded()):
             return
@@ -435,7 +639,7 @@ class Dialogue:
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
         self.asker.say(
             f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {len(dropped)}"
-            f" readings, {wording.duration(clock(dropped)[-1]).lower()}.",
+            f" readings, {duration(clock(dropped)[-1]).lower()}.",
             Style.GOOD,
         )
         if self.so_far.left:
@@ -459,7 +663,12 @@ class Dialogue:
                 asked = "Retake which step (number, or x, y, z for a leg)? > "
                 self._retake(words or self._words(asked), step)
             case "n":
-                if text := words or self._words("Note > "):
+                text = words or self._words("Note > ")
+                # A script means what it says.
+                doubtful = self.asker.keyboard.live and _is_reading(text)
+                if doubtful and not self._agrees(f"{text} is a number. Keep it as a note? y/n > "):
+                    text = ""
+                if text:
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
             case "s" if words.lower().split()[:1] == ["all"]:
@@ -470,32 +679,30 @@ class Dialogue:
                 if not agreed and not self._agrees("End the session here? y/n > "):
                     self.asker.say("Not ended.")
                     return
+                why = reason or "the session was ended"
                 for skipped in left:
-                    self._skip(skipped, reason or "the session was ended")
+                    self.write(events.Skipped(at=self.now(), step=skipped.number, reason=why))
             case "s":
                 why = words or self._words("Why is it skipped? > ")
-                with suppress(InputError):
-                    parse_typed(why)
-                    why = ""  # a reading is no reason
-                if why:
-                    self._skip(step, why)
-                self.asker.say(
-                    f"Skipped: {why}" if why else "Not skipped: a reason in words is needed."
-                )
+                if why and not _is_reading(why):
+                    self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+                    self.asker.say(f"Skipped: {why}")
+                else:
+                    self.asker.say("Not skipped: a reason in words is needed.")
             case "t":
                 last = list(self.state.accepted.items())[-20:]
                 lines = [f"The last {counted(len(last), 'reading')}:"]
                 for number, item in last:
                     take = item.take
-                    name = step_name(self.setting.steps[number - 1])
+                    name = self.setting.steps[number - 1].name
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""
-                    value = wording.value_text(take.value_mm, self.unit)
+                    value = value_text(take.value_mm, self.request.unit)
                     lines.append(f"  {number:>3}  {name}  {value}{kept}")
                 self.asker.say("\n".join(lines))
             case "q":
                 raise Quit
             case _:
-                self.asker.say(wording.HELP)
+                self.asker.say(HELP)
 
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
@@ -510,7 +717,7 @@ class Dialogue:
             where = f"of leg {which.upper()}" if leg else f"at step {which[:20]}"
             self.asker.say(f"There is no reading {where} yet.")
             return
-        again = with_set_ups(chosen, step.setup, steps, state.accepted)
+        again = self._with_set_ups(chosen, step.setup)
         old = [s for s in again if s.number in state.accepted]
         if any(s.setup != step.setup for s in chosen) and any(s not in chosen for s in old):
             here = sum(s.setup == step.setup for s in old)
@@ -522,10 +729,21 @@ class Dialogue:
             if not self._agrees("Take them all again? y/n > "):
                 return
         self._take_again(again, reason or "retaken")
-        retaken = f"step {again[0].number} ({step_name(again[0])})"
+        retaken = f"step {again[0].number} ({again[0].name})"
         if len(again) > 1:
             retaken = f"{len(again)} steps from step {again[0].number} on"
         self.asker.say(f"Retaking {retaken}; the old readings are kept as replaced.")
+
+    def _with_set_ups(self, chosen: Sequence[SessionStep], here: int) -> list[SessionStep]:
+        """Steps, with all that must be read again with them while the stands are in set-up `here`.
+
+        For other set-ups the stands are moved: the zeros are then new ones, also those of the
+        set-up in hand, to which they come back.
+        """
+        numbers, setups = {step.number for step in chosen}, {step.setup for step in chosen}
+        moved = set() if setups <= {here} else setups | {here}
+        numbers |= {step.number for step in self.so_far.steps if step.setup in moved}
+        return [step for step in self.setting.steps if step.number in numbers]
 
     def _take_again(self, steps: list[SessionStep], reason: str) -> None:
         if self.state.ended:
@@ -533,8 +751,12 @@ class Dialogue:
         numbers = tuple(step.number for step in steps)
         self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
 
-    def _skip(self, step: SessionStep, why: str) -> None:
-        self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+
+def _is_reading(words: str) -> bool:
+    """True if words are nothing but a number, with or without a unit."""
+    with suppress(InputError):
+        return parse_typed(words).value is not None
+    return False
 
 
 def _are(readings: int) -> str:
@@ -545,3 +767,428 @@ def _are(readings: int) -> str:
 def _clean(text: str) -> str:
     """Words as they may be stored and shown."""
     return visible(text)[:200].strip()
+
+
+def by_axis(values: Iterable[float], form: str, gap: str = "  ") -> str:
+    """ "X 1.5  Y 0  Z -2": one number for each axis, never parted from it."""
+    parts = (f"{axis.upper()} {value:{form}}" for axis, value in zip(AXES, values, strict=True))
+    return gap.join(parts)
+
+
+def duration(minutes: float) -> str:
+    """About so long, whole minutes."""
+    return f"About {minutes:.0f} min" if minutes >= 0.95 else "Under a minute"
+
+
+# ---- how it begins, or goes on only if nothing essential has changed
+
+
+def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
+    """Begin a session, or go on with one; what is `opened` is closed with it.
+
+    Raises UsageError: what is asked for does not go together, or with what is there; InputError,
+    GaugeLost: a file or the gauge cannot be used; EOFError, KeyboardInterrupt: nobody answers.
+    """
+    _check_options(request)
+    path = session_file(request.path, Path(), request.resume)
+    # What is missing leaves no file behind.
+    standing = opened.enter_context(closing(Standing(request.follow))) if request.follow else None
+    asker.gauge = serial_gauge(request.source, opened)
+    target = path.with_suffix(JOURNAL)
+    if not request.resume:
+        create(target, *_first_records(request, asker))
+    journal = Journal.resume(target, opened)
+    state, setting = journal.state, setting_in(journal)
+    source = request.source or state.source
+    if request.resume:
+        _refuse_changes(state.opened, setting.held, request)
+        asker.gauge = asker.gauge or serial_gauge(source, opened)
+        asker.say(_machine_words(setting.held, state.opened.seed is not None))
+        if setting.following:
+            asker.say(setting.following.words, Style.TITLE)
+    if source == (VIRTUAL,):
+        asker.gauge = SimulatedGauge(setting, state.opened.seed or 0)
+    dialogue = Dialogue(path, journal, setting, asker, request, standing)
+    if request.source and request.source != state.source and state.ended is None:
+        dialogue.write(events.Reopened(at=dialogue.now(), source=request.source))
+    return dialogue
+
+
+def _check_options(request: Request) -> None:
+    """Raises UsageError if what is asked for does not go together."""
+    path, following = request.path, request.following
+    for doubt in implausible_temperatures([request.temperature_c]):
+        raise UsageError(request.says(doubt), "Correct it, or leave it out.")
+    if following is None:
+        if request.choice is not None:
+            raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
+        return
+    if path and session_path(path).resolve() == Path(following).resolve():
+        fault = f"{following} is never changed: it cannot be the new session, too."
+        raise UsageError(fault, "Name another file for the session that will hold both.")
+    options = {
+        "--resume": request.resume,
+        "--protocol or --design": request.session.get("protocol"),
+        "--cycles": request.session.get("cycles"),
+        "--order": request.session.get("order"),
+        "--until": request.until_mm,
+    }
+    for name in (name for name, value in options.items() if value):
+        fault = f"--then and {name} do not go together."
+        raise UsageError(fault, "Leave out one of them: what is read follows from what was begun.")
+
+
+def _first_records(request: Request, asker: Asker) -> list[events.Event]:
+    """The first records, once the operator has agreed to the machine and its active offsets.
+
+    And to the measurement that is recommended, if one is to be carried out. Nobody is asked who
+    has agreed already, or has no terminal. What the command line leaves open is standard.
+    """
+    first, following, change = None, None, ""
+    session = GuidedSession().changed(**request.session)
+    if request.following is None:
+        model = request.model or request.otherwise()
+        model.machine.check_guided()
+        if session.protocol is MeasuringProtocol.SINGLE:
+            session = session.changed(stands=1)
+        steps = session.steps(model.machine)
+        plan = plan_of([step.cell for step in steps])
+    else:
+        first, options, model = _recommended(request.following, request)
+    model = _holding(model, request.offsets_mm)
+    source, seed = _source(request, first)
+    confirmed: Model | None = None
+    while confirmed is not model:  # what was typed is shown, and asked once more
+        model = confirmed or model
+        if first:
+            offsets = model.machine.active
+            plan, following, change = planned_next(first, options, request, offsets)
+        careful = require_on_bar(plan, model.machine)
+        asker.say(_machine_words(model, seed is not None))
+        doubts = map(request.says, model.machine.instrument.implausible().values())
+        for doubt in filter(None, (careful and str(careful), *doubts, change)):
+            asker.say(doubt, Style.BAD)
+        if following:
+            asker.say(following.words, Style.TITLE)
+        silent = request.agreed or not asker.keyboard.live
+        confirmed = model if silent else _confirmed(model, first is not None, asker)
+    if first:
+        # What others are joined to keeps the machine as it was for the first of them.
+        model = first.model
+        steps = steps_of(plan, model.machine, session.order, session.stands)
+        most = max(step.cycle for step in steps)
+        session = session.changed(cycles=min(most, MOST_CYCLES))
+    version = 2 if first or session.protocol is MeasuringProtocol.BEST else 1
+    opened = events.Opened(
+        **dict(session), at=time_of_day(), version=version, source=source, seed=seed,
+        machine=machine_file.machine_text(model), operator=request.operator,
+        temperature_c=request.temperature_c, gauges=request.gauges,
+    )  # fmt: skip
+    readings = tuple(step.cell for step in steps)
+    planned = events.Planned(at=opened.at, readings=readings, following=following)
+    return [opened, planned] if version == 2 else [opened]
+
+
+def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
+    """The machine once it is agreed to, or with the offsets that are typed instead.
+
+    `also`: to measure what is recommended. Raises UsageError: it is another machine; EOFError.
+    """
+    question = (
+        "Is it this machine, with these offsets in its controller"
+        f"{', and shall this be measured now' * also}? Return: yes.  n: no."
+        "  Other offsets: type the three, in mm."
+    )
+    asker.say(question, Style.QUESTION)
+    while True:
+        answer = asker.ask("Return, n, or the three offsets > ")
+        match answer.lower() if isinstance(answer, str) else "?":
+            case "" | "y" | "yes":
+                return model
+            case "q" | "quit":
+                raise EOFError
+            case "n" | "no":
+                remedy = "Name the file of your machine, --machine FILE, or make one:"
+                raise UsageError("Nothing was begun.", f"{remedy} orthocal machine new")
+            case "?" | "help":
+                asker.say(question, Style.QUESTION)
+            case text:
+                try:
+                    parts = text.replace(";", " ").split()
+                    offsets = tuple(parse_number(part, decimal_comma=True) for part in parts)
+                    return _holding(model, offsets)
+                except OrthocalError as error:
+                    asker.say(str(error), Style.BAD)
+
+
+def _machine_words(model: Model, simulated: bool) -> str:
+    """The machine and its numbers, as they are confirmed before the first move."""
+    machine, gauge = model.machine, model.machine.instrument
+    known = ", ".join(effect.cause.id for effect in model.accepted)
+    return "\n".join([
+        *([SIMULATED] if simulated else []),
+        f"Machine  {visible(machine.name)}",
+        f"         {machine.geometry_words}",
+        *([f"         known causes: {known}"] if known else []),
+        f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.most_mm:g} mm travel,"
+        f" repeats within {gauge.repeatability_mm:g} mm",
+        f"Offsets  {by_axis(machine.active, '+.4g')} mm are in the controller now",
+    ])  # fmt: skip
+
+
+def planned_next(
+    first: PriorReadings,
+    options: tuple[NextMeasurement, ...],
+    request: Request,
+    offsets_mm: Sequence[float],
+) -> tuple[GaugePlan, events.Following, str]:
+    """Plan what is recommended next, best first, with these offsets [mm] in the controller.
+
+    The last is what was entered since the first readings, in a sentence. Raises UsageError.
+    """
+    x, y, z = np.subtract(offsets_mm, first.model.machine.active).round(9).tolist()
+    change = np.subtract((x, y, z), first.left_entered)
+    # To act they were homed for, and that has pushed stands that were still there.
+    moved = bool(change.round(6).any())
+    number = request.choice or next(
+        k for k, option in enumerate(options, 1) if not (moved and option.continues)
+    )
+    option = options[number - 1]
+    plan = GaugePlan.require(option.plan)
+    if moved and option.continues:
+        raise UsageError(
+            "The offsets in the controller were changed since the last reading: that"
+            " measurement needs the machine and the stands as they were.",
+            "Leave out --choice for one with the stands set up again.",
+        )
+    if option.continues and request.session.get("stands") == 1 and len(set(plan.series)) > 1:
+        fault = "That measurement needs the two gauges where they are."
+        raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
+    following = events.Following(
+        data=first.data, what=request.says(option.what), minutes=option.minutes,
+        continues=option.continues, entered=(x, y, z),
+    )  # fmt: skip
+    plan = replace(plan, entered=(plan.entered + change).round(9))
+    if not moved:
+        return plan, following, ""
+    changed = (
+        f"Since {visible(first.path)} was measured, the offsets in the controller were changed"
+        f" by {by_axis(change, '+.4g')} mm: the new readings are written with that"
+        " difference."
+    )
+    return plan, following, changed
+
+
+def _recommended(
+    path: str, request: Request
+) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
+    """Rank what to measure next, given the readings in a file, and on which machine."""
+    keeper, choice = request.keeper, request.choice
+    if path == "-":
+        raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
+    data = read_document(path)
+    given = read_input(data, request.model, request.otherwise)
+    given.model.machine.check_guided()
+    if names := machine_file.differing(given.recorded or given.model, given.model):
+        raise UsageError(
+            f"{path} was measured on another machine than that of --machine: they differ in"
+            f" {', '.join(names)}.",
+            "Leave out --machine to use the machine of the session.",
+        )
+    first = PriorReadings(data, given)
+    if not first.plan.fixed:
+        raise UsageError(
+            f"{path} was measured with the single-posture protocol. Further readings need fixed"
+            " gauges; readings of both kinds cannot be joined.",
+            "Measure a separate session: orthocal measure",
+        )
+    options = rank_measurements(diagnose(first.readings, first.model))
+    if choice is not None and choice > len(options):
+        fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
+        raise UsageError(fault, "Leave out --choice for the best one.")
+    offsets = first.model.machine.active + first.left_entered
+    if keeper is not None and not machine_file.differing(keeper.model, first.model):
+        offsets = np.array(keeper.model.machine.active)
+    return first, options, first.model.holding(tuple(offsets.round(9).tolist()))
+
+
+def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
+    """The machine with other offsets in its controller. Raises UsageError."""
+    if offsets_mm is None:
+        return model
+    most = min(model.machine.travel_mm, LARGEST_OFFSET_MM)
+    if len(offsets_mm) != 3 or not all(abs(value) < most for value in offsets_mm):
+        raise UsageError(
+            "These are not three joint offsets.",
+            f"Give X, Y and Z in mm, none beyond the travel of {most:g} mm: 0.412 -0.3 0",
+        )
+    return model.holding(offsets_mm)
+
+
+def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, ...], int | None]:
+    """Where the readings come from; and the seed of a simulated gauge. Raises UsageError."""
+    environment = dict(first.conditions.environment) if first else {}
+    drawn = re.fullmatch("[0-9]{1,18}", environment.get("seed", ""))
+    # Of the simulated gauge that gave the first readings.
+    hidden = int(drawn[0]) if drawn and environment.get("readings_from") == VIRTUAL else None
+    source = request.source or ((TYPED,) if hidden is None else (VIRTUAL,))
+    if source != (VIRTUAL,):
+        if request.seed is not None:
+            raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
+        return source, None
+    if first and (hidden is None or request.seed not in (None, hidden)):
+        raise UsageError(
+            f"{first.path} was not measured on this simulated machine.",
+            f"Leave out --gauge and --seed{': it is measured again' if drawn else ''}.",
+        )
+    seeds = (hidden, request.seed, secrets.randbelow(1_000_000))
+    return source, next(seed for seed in seeds if seed is not None)
+
+
+def setting_in(journal: Journal, steps: tuple[SessionStep, ...] = ()) -> Setting:
+    """Machine, earlier readings, and steps unless they are given. Raises InputError."""
+    path, opened, planned = str(journal.path), journal.state.opened, journal.state.planned
+    model = machine_file.machine_from_text(opened.machine, path)
+    if planned is None:
+        steps = opened.session.steps(model.machine)
+    elif not steps:
+        cells: tuple[AnyCell, ...] = planned.readings
+        plan = cells[0].planned(cells)
+        steps = steps_of(plan, model.machine, opened.order, opened.stands)
+    known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
+    if not known or (planned is None) != (opened.version == 1):
+        raise InputError(
+            "The journal has a step that this session does not have, or another reading for it.",
+            "Restore the file from a copy; or move it away and begin again.",
+            file=path,
+        )
+    return Setting(model, steps, planned.following if planned else None)
+
+
+def serial_gauge(source: Sequence[str], opened: ExitStack) -> SerialGauge | None:
+    """Open the serial gauges that --gauge names; None for others. Raises UsageError, GaugeLost."""
+    if tuple(source) in ((), (TYPED,), (VIRTUAL,)):
+        return None
+    if TYPED in source or VIRTUAL in source or len(source) > 2:
+        fault = f"These gauges do not go together: {', '.join(source)}."
+        raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
+    gauge = SerialGauge(source)
+    for port in gauge.ports:
+        opened.callback(port.close)
+        port.open()
+    return gauge
+
+
+def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> None:
+    """Raises UsageError, naming every difference, if the session asked for is another one."""
+    # What the controller held was asked when the session began; the file may say otherwise.
+    asked = _holding(request.model or model, request.offsets_mm or model.machine.active)
+    one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
+    names = {"stands": "gauges side by side"}
+    pairs: list[tuple[str, object, object]] = [
+        *((names.get(k, k), getattr(opened, k), now) for k, now in request.session.items()),
+        ("seed", opened.seed, request.seed),
+        *((f"machine, {k}", one.get(k, "none"), other.get(k, "none")) for k in one | other),
+    ]
+    if request.source and (VIRTUAL in request.source) != (VIRTUAL in opened.source):
+        pairs.append(("gauge", ", ".join(opened.source), ", ".join(request.source)))
+    differences = [
+        f"{name}: {before} in the session, {now} asked for"
+        for name, before, now in pairs
+        if now not in (None, before)
+    ]
+    if differences:
+        fault = "This is not the session that was begun. " + "; ".join(differences) + "."
+        raise UsageError(fault, "Leave those options out, or begin a new session in another file.")
+
+
+# ---- its file: `session.yaml` in the end, `session.events` meanwhile
+
+
+def session_path(given: Path) -> Path:
+    """The session file that is meant by a name, be it that of its journal or without a suffix.
+
+    Raises UsageError where it cannot be the name of a file.
+    """
+    if given.name in ("", ".."):
+        fault = "A session must be a file; this is not one."
+        raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
+    if len(os.fsencode(given.name)) > _LONGEST:
+        raise UsageError("The name of the file is too long.", "Choose a shorter one.")
+    if given.suffix == JOURNAL:
+        return given.with_suffix(".yaml")
+    if given.suffix in (".yaml", ".yml"):
+        return given
+    return given.with_name(f"{given.name}.yaml")
+
+
+def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
+    """The file of the session to begin or to go on with.
+
+    Without a name it is, in the folder, the first free one of `session.yaml`, `session-2.yaml` …,
+    or that of the only unfinished session. Raises UsageError: it exists, or there is an unfinished
+    session, unless it is a practice; or, to go on, there is none, or there are several.
+    """
+    if given is None:
+        waiting = unfinished(folder)
+        names = ", ".join(path.name for path in waiting)
+        if resume:
+            if len(waiting) == 1:
+                return waiting[0].with_suffix(".yaml")
+            several = f"There are {len(waiting)} unfinished sessions here: {names}."
+            fault = several if waiting else "There is no unfinished session in this folder."
+            raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
+        if not all(map(is_practice, waiting)):  # a practice is no part of the loop
+            raise UsageError(
+                f"There is an unfinished session here: {names}.",
+                "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
+            )
+        return free_path(folder, "session", ".yaml", JOURNAL)
+    path = session_path(given)
+    journal = path.with_suffix(JOURNAL)
+    if not resume and path.exists():
+        raise UsageError(
+            f"{path} exists; a session is never overwritten.",
+            "Name another file, or continue an unfinished session with --resume.",
+        )
+    if not resume and journal.exists():
+        fault = f"{journal} holds a session that is not finished."
+        raise UsageError(fault, f"Continue it: {command('measure', str(path), options='--resume')}")
+    return path
+
+
+def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -> str | None:
+    """Give up an unfinished session if its operator `agrees`; the name that its journal has then.
+
+    Raises UsageError: there is none, it is finished, or in use; InputError: it cannot be renamed.
+    """
+    path = session_file(given, folder, resume=True)
+    journal, readings = path.with_suffix(JOURNAL), "readings, but is damaged"
+    if path.exists() or not journal.exists():
+        fault = f"There is no unfinished session {path}: nothing is discarded."
+        raise UsageError(fault, "See what is in this folder: orthocal")
+    with suppress(InputError), ExitStack() as opened:
+        readings = counted(len(Journal.resume(journal, opened).state.accepted), "reading")
+    aside = free_path(path.parent, path.stem, ".discarded")
+    fate = f"It will be kept as {aside}\nand cannot be resumed. Give it up?"
+    if not agrees(f"{journal} holds {readings}.\n{fate}"):
+        return None
+    try:
+        journal.rename(aside)
+    except OSError as error:
+        fault = f"{journal} cannot be renamed: {error.strerror}."
+        raise InputError(fault, "Check the folder and its permissions.") from error
+    return str(aside)
+
+
+def is_practice(journal: Path) -> bool:
+    """True if an unfinished session reads a simulated machine; False if it cannot be read."""
+    with suppress(OrthocalError, OSError):
+        return decode(journal.read_bytes(), journal).state.opened.seed is not None
+    return False
+
+
+def unfinished(folder: Path) -> list[Path]:
+    """Journals without a session file, in alphabetical order."""
+    journals = folder.glob(f"*{JOURNAL}")
+    return sorted(path for path in journals if not path.with_suffix(".yaml").exists())

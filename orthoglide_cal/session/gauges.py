@@ -1,7 +1,11 @@
-"""Gauges: what each is for the dialogue; what it or a person says; serial lines; a simulation."""
+"""Gauges: what each is for the dialogue; what it or a person says; serial lines; a simulation.
+
+And the joints of a running LinuxCNC, where a machine is followed.
+"""
 
 import math
 import re
+import socket
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -10,9 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError, visible
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, system_words, visible
+from orthoglide_cal.files.moonraker import in_time
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import MM_PER_INCH, Unit
@@ -300,6 +306,90 @@ def _reason(error: Exception) -> str:
     """A short reason without the library's own wording around it."""
     match = re.search(r".*\] (.+?)(?:: '|$)", str(error))
     return match.group(1) if match else str(error).rstrip(".")
+
+
+# ---- a running LinuxCNC: `linuxcncrsh` answers one line for each line over TCP (its manual page).
+# Nothing here can move a machine.
+
+PORT = 5007
+NEAR_MM = 0.05  # farther from the posture, a reading is questioned
+_TIMEOUT_S = 2.0
+_ADDRESS = re.compile(r"linuxcnc(?::([^:\[\]\s]+|\[[^\]\s]+\])(?::([0-9]{1,5}))?)?")
+_UNITS_MM = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
+
+
+class Stood(NamedTuple):
+    """How far a machine stood from a posture (the largest difference of a joint), and where."""
+
+    away_mm: float = 0.0
+    words: str = ""  # none where nobody knows
+
+
+class Standing:
+    """The joints of a running controller at `linuxcnc[:HOST[:PORT]]`, of linuxcncrsh.
+
+    Raises UsageError: there is no LinuxCNC, or one that cannot be followed.
+    """
+
+    def __init__(self, address: str) -> None:
+        parts = _ADDRESS.fullmatch(address)
+        port = int(parts[2] or PORT) if parts else 0
+        if parts is None or not 0 < port < 65536:
+            raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
+        host = (parts[1] or "localhost").strip("[]")
+        try:
+            with socket.create_connection((host, port), _TIMEOUT_S) as connection:
+                self._line = connection.makefile("rwb", buffering=0)  # open until this closes
+            self.close = self._line.close
+            self._ask("hello EMC orthocal 1.0", "HELLO ACK")
+            (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
+            self._unit_mm = _UNITS_MM[unit]
+            # Identity: its joints are the axes of the tool, in the order of its `coordinates`.
+            self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == ["1"]
+        except (OSError, KeyError, ValueError) as error:
+            raise UsageError(
+                f"No LinuxCNC can be followed at {host}:{port}: {system_words(error)}.",
+                "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
+                " measure without --follow.",
+            ) from error
+        if not self._homed():
+            self.close()
+            problem = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
+            raise UsageError(problem, "Home all joints, then give the command again.")
+
+    def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
+        """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
+
+        A controller without kinematics is driven to either, and may count from the joint value of
+        the isotropic posture. Raises OSError, ValueError: nothing answers any more, or no place.
+        """
+        if not self._homed():
+            raise ConnectionError("it is not homed any more")
+        place = "abs_act_pos" if self._identity else "joint_pos"
+        answer = self._ask(f"get {place}", place.upper())[: len(AXES)]
+        stands = self._unit_mm * np.array(answer, dtype=float)
+        wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
+        away = float(np.abs(wanted - stands).max(axis=1).min())
+        axes = zip(AXES, stands.tolist(), strict=True)
+        place = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
+        return Stood(away, f"the controller stood at {place}")
+
+    def _homed(self) -> bool:
+        """True if all joints are homed: before, their positions are arbitrary. Raises OSError."""
+        joints = self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)]
+        return joints == ["YES"] * len(AXES)
+
+    def _ask(self, question: str, answer: str) -> list[str]:
+        """The words of an answer behind its name. Raises OSError."""
+        self._line.write(question.encode() + b"\n")
+        for _ in range(2):  # what was sent is echoed first
+            read = in_time(lambda: self._line.readline(400), _TIMEOUT_S)
+            line = read.decode("ascii", "replace").strip().upper()
+            if line.startswith(answer):
+                return line.removeprefix(answer).split()
+            if not line.startswith(question.upper()):
+                raise ConnectionError(f"the answer is {line!r}" if line else "it has closed")
+        raise ConnectionError("no answer")
 
 
 # ---- a virtual machine whose joint offsets are hidden: for training and for trying

@@ -1,20 +1,29 @@
-"""The readings of a session and those that it continues: as arrays, and as its file holds them."""
+"""The readings of a session and those that it continues: as arrays, and as its file holds them.
 
+And live checks: is this reading what the readings before it, and the model, lead to expect? It is
+questioned when its deviation is as improbable as one beyond LIMIT standard errors, and the question
+names the blunder that explains it best. Nothing is altered.
+"""
+
+import functools
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
 from orthoglide_cal.estimation import Solution, solve
-from orthoglide_cal.estimation.budget import warmth
-from orthoglide_cal.estimation.forecast import forecast
+from orthoglide_cal.estimation.budget import plausible_causes, warmth
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
@@ -28,14 +37,16 @@ from orthoglide_cal.files.readings import (
     session_of_readings,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
-from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import plan_of, planned_readings
+from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.orthoglide import double_posture, plan_of, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
+from orthoglide_cal.words import MM_PER_INCH, Unit, in_unit, value_text, with_uncertainty
 
 TICK_DECIMALS = 4  # of minutes, as they stand in the session file
 _ORIGIN = "goes_on_from"
@@ -137,6 +148,11 @@ class Setting:
         active = self.following.entered if self.following else NOTHING_ENTERED
         short = np.subtract(step.cell.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
+
+    def point(self, step: SessionStep) -> tuple[Floats, Floats]:
+        """Point to drive to: joints and tool, shape (3,) each [mm]."""
+        joints = self.machine.joints_at(step.leg, step.cell.displacement) - self.short_mm(step)
+        return joints, self.machine.nominal_rails.tool_for(joints)
 
     @cached_property
     def plan(self) -> GaugePlan:
@@ -348,3 +364,305 @@ class ReadingsSoFar:
             return stated
         # For a normal x, σ is 1.4826 times the median of |x|; a jump has the noise of two readings.
         return max(stated, float(1.4826 * median(jumps) / math.sqrt(2.0)))
+
+
+# --- forecast of the next reading -------------------------------------------------------------
+
+# A reading is, near the nominal machine and before any of it is measured,
+#
+#     y = h(0) + ∂h/∂Δρ · Δρ + zero + misfit + drift·t + settling + noise
+#
+# with normally distributed unknowns: joint offsets, one zero per gauge set-up, what the model
+# leaves out at each posture (the same in each cycle), the drift of each gauge, and what changes
+# after a leg's first posture. Their sizes come from the machine file; how large the misfit is on
+# this machine shows only in the readings, so several sizes are carried along, each with the
+# likelihood that the readings give it.
+
+# Standard deviations of what nobody knows before the first reading [mm].
+OFFSET_MM = 3.0
+ZERO_MM = 50.0
+UNKNOWN_MM = 5.0
+# Sizes of the misfit that are carried along, in plausible ones.
+_SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
+
+
+def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mixture:
+    """Readings of a plan (m,) before the first is taken, for each size of the misfit.
+
+    Args:
+        model: the sizes of its machine's causes give standard deviations.
+        plan: readings of one set-up share a zero.
+        fresh: shape (m,); where not 0, nothing is known of a reading but its repeats with the same
+            number.
+        sigma_mm: standard deviation of one reading.
+    """
+    machine, causes = model.machine, CAUSES.values()
+    zero = np.zeros(len(machine.parameter_names))
+    drift = math.hypot(*(cause.size(machine) for cause in causes if cause.is_rate))
+    settling = math.hypot(*(cause.size(machine) for cause in causes if cause.settles))
+    _, slopes = differentiate(Model(machine), zero, plan)
+    known, first = fresh == 0, _first_visits(plan)
+    slopes, cells = slopes * known[:, None], _same(plan.cells, fresh)
+    common = (
+        OFFSET_MM**2 * slopes @ slopes.T
+        + ZERO_MM**2 * _same(plan.setup)
+        + UNKNOWN_MM**2 * (cells & ~known)
+        + _same(plan.leg, plan.direction)
+        * (drift**2 * np.outer(plan.hours, plan.hours) + settling**2 * np.outer(first, first))
+        + sigma_mm**2 * np.eye(len(plan))
+    )
+    size2, count = (_SIZES * plausible_misfit_mm(machine))[:, None, None] ** 2, len(_SIZES)
+    return Mixture(
+        np.tile(simulate(model, zero, plan)[:, None], (count, 1, 1)),
+        common + size2 * (cells & known),
+        np.full((count, 1), -math.log(count)),
+    )
+
+
+def _first_visits(plan: GaugePlan) -> np.ndarray:
+    """True while the leg's carriage has not moved away from where it began, shape (m,)."""
+    first = np.zeros(len(plan), dtype=bool)
+    for mine in (np.flatnonzero(plan.leg == leg) for leg in np.unique(plan.leg)):
+        order, moved = plan.order[mine], plan.displacement[mine]
+        away = moved != moved[np.argmin(order)]
+        first[mine] = order < order[away].min(initial=np.iinfo(np.intp).max)
+    return first
+
+
+@functools.lru_cache(maxsize=8)  # asked for at every reading
+def plausible_misfit_mm(machine: Machine) -> float:
+    """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
+
+    Of each cause at the posture that it changes most, compared with the isotropic one.
+    """
+    hidden, plan = machine.unobservable, double_posture(machine, cycles=1)
+    ids = [cause.id for cause in CAUSES.values() if cause.repeats and cause.id not in hidden]
+    _, plausible = plausible_causes(ids, Model(machine), np.zeros(3), plan)
+    isotropic = np.unique(plan.setup, return_index=True)[1][plan.setup]
+    moved = (one.columns - one.columns[isotropic] for one in plausible)
+    return math.hypot(*(float(np.linalg.norm(columns, axis=1).max()) for columns in moved))
+
+
+def _same(*keys: Ints) -> np.ndarray:
+    """True where two entries are equal in every key (n,), shape (n, n)."""
+    return np.asarray(np.all([key[:, None] == key for key in keys], axis=0))
+
+
+# --- live checks ------------------------------------------------------------------------------
+
+# The limits define how often a sound reading is questioned; they decide nothing of the result.
+# Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.
+LIMIT = 4.5
+RARE = math.erfc(LIMIT / math.sqrt(2.0))
+# An explanation must make the reading an ordinary one: within 3 standard errors.
+_ORDINARY = math.erfc(3.0 / math.sqrt(2.0))
+# How much likelier all readings must be with the signs or gauges of a whole leg reversed. A
+# likelihood ratio that is watched all the time exceeds c by chance with a probability of at most
+# 1/c (Ville's inequality); a session watches nine of them.
+RATIO = 3e4
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five")
+
+
+class Question(NamedTuple):
+    """A doubt in one sentence; `about` as in `events.Questioned`."""
+
+    doubt: Doubt
+    text: str
+    about: int = 0
+
+
+class Blunder(NamedTuple):
+    """A blunder by what undoes it in k readings: factors, rows of the forecast, a last shift."""
+
+    question: Question
+    factors: Floats
+    rows: Ints
+    shift_mm: float = 0.0  # of the last reading
+
+
+class Evidence:
+    """Evidence against q values of the last reading (q,), of as many sessions [mm].
+
+    `known` are the readings of its `past`, (k, q).
+    """
+
+    def __init__(self, readings: ReadingsSoFar, known: Floats, value: Floats) -> None:
+        rows, forecast, settled = readings.compared, readings.forecast, readings.settled
+        self.prediction = forecast.given(known, rows[:-1], rows[-1:])  # from the readings before
+        # Chance of a reading at least this far off, (q,).
+        self.tail: Floats = self.prediction.tail(value[None])[0]
+        # Blunders of whole legs; all that the model says of these is said in the first cycle.
+        self.whole = [
+            reversal
+            for reversal in (() if readings.repeats else _reversals(readings))
+            if (reversal.question.doubt, reversal.question.about) not in settled
+        ]
+        values = np.vstack((known, value))
+        base = forecast.log_density(values, rows) if self.whole else 0.0
+        fits = (forecast.log_density(values * r.factors[:, None], r.rows) for r in self.whole)
+        # Log likelihood ratios in favour of those, (len(whole), q).
+        self.gains: Floats = np.array([fit - base for fit in fits]).reshape(-1, len(value))
+
+    @property
+    def questioned(self) -> NDArray[np.bool_]:
+        """True where a question is due, shape (q,)."""
+        together = (self.gains > math.log(RATIO)).any(axis=0)
+        return np.asarray((self.tail < RARE) | together)
+
+
+def check(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The first question that the last reading, given in a unit, raises; None if it raises none."""
+    checks = (check_range, check_reading, check_divisions, check_repeats)
+    return next(filter(None, (raised(readings, unit) for raised in checks)), None)
+
+
+def check_range(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question of a reading further from zero than the gauge's plunger travels.
+
+    Or further from another reading of the same gauge: zero may have been set elsewhere.
+    """
+    value, most_mm = float(readings.value[-1]), readings.setting.machine.instrument.most_mm
+    earlier = readings.value[readings.series]
+    if np.abs(value - (earlier if earlier.size else 0.0)).max() <= most_mm:
+        return None
+    where = f"further from {in_unit(earlier[-1], unit, '+g')} than" if earlier.size else "beyond"
+    travel = f"{where} the gauge's travel of {in_unit(most_mm, unit)}"
+    return Question(Doubt.RANGE, f"{in_unit(value, unit, '+g')} is {travel}: mistyped?")
+
+
+def check_divisions(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question of a number between the gauge's divisions; only until one was kept."""
+    value, division_mm = readings.value[-1], readings.setting.machine.instrument.resolution_mm
+    in_tenths = division_mm / MM_PER_INCH * 1e5
+    # On an inch scale they need not be those of the mm scale in the machine file.
+    other = unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6
+    if (Doubt.GRID, 0) in readings.settled or other or not off_scale(value, division_mm):
+        return None
+    between = f"between the gauge's divisions of {in_unit(division_mm, unit)}"
+    return Question(Doubt.GRID, f"{in_unit(float(value), unit)} lies {between}: mistyped?")
+
+
+def check_repeats(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question that repeats raise which hardly differ: a gauge that is held, or another unit.
+
+    Asked once in a session; what was kept is not questioned again.
+    """
+    gauge = readings.setting.machine.instrument
+    # A session's first repeat is the first that can say something.
+    if not readings.repeats or {(Doubt.DEAD, 0), (Doubt.SCATTER, 0)} & readings.settled:
+        return None
+    known = dict[object, int]()
+    cell = np.array([known.setdefault(step.cell, len(known)) for step in readings.steps])
+    steady = too_steady(readings.value, np.array(readings.setup), cell, gauge)
+    if steady is None:
+        return None
+    stated = f"though the gauge repeats within {in_unit(gauge.repeatability_mm, unit, '.3g')}"
+    if steady[1] == 0.0:
+        text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
+        return Question(Doubt.DEAD, text)
+    differ = in_unit(steady[1], unit, ".1g")
+    text = f"repeated readings differ by {differ} only, {stated}: is the unit {unit}?"
+    return Question(Doubt.SCATTER, text)
+
+
+def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question that the last reading raises after those before it; None if it fits."""
+    if not readings.series:
+        return None  # its zero is arbitrary: the first reading of a gauge can be anything
+    value = float(readings.value[-1])
+    evidence = Evidence(readings, readings.value[readings.past][:, None], np.array([value]))
+    if not evidence.questioned.item():
+        return None
+    if evidence.tail.item() >= RARE:
+        best = evidence.whole[int(np.argmax(evidence.gains))].question
+        return best._replace(text=f"the readings together would fit far better: {best.text}")
+    expected, std = evidence.prediction.mean.item(), evidence.prediction.std.item()
+    far = _how_far(readings, unit, expected, std)
+    likely = list(_explanations(readings, evidence))
+    moved = f"since step {readings.steps[readings.series[-1]].number}"
+    if not likely:
+        if readings.repeats:
+            return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
+        return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
+    # The best explanation, and others that are nearly as good.
+    likely.sort(key=lambda pair: -pair[0])
+    (most, best), words = likely[0], dict[Doubt, str]()
+    for chance, question in likely:
+        if chance >= 0.3 * most:
+            words.setdefault(question.doubt, question.text)
+    text = f"{far}: {' or '.join(words.values())}"
+    if readings.repeats and best.doubt is not Doubt.REVOLUTION:
+        text += f" or has the stand moved {moved}?"
+    return best._replace(text=text)
+
+
+def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
+    """Blunders that may have lasted since the first reading of a gauge or leg."""
+    rows = readings.compared
+    steps = [readings.steps[i] for i in rows]
+    whole, paired = np.array(readings.fresh)[rows] == 0, readings.partner[rows] >= 0
+
+    def since(doubt: Doubt, words: str, mine: NDArray[np.bool_]) -> Question:
+        first = steps[int(np.argmax(mine))].number
+        return Question(doubt, f"{words} since step {first}?", first)
+
+    for leg, direction in dict.fromkeys(step.series for step in steps):
+        mine = np.array([step.series == (leg, direction) for step in steps])
+        if mine.sum() > 1 and np.all(whole[mine]):
+            words = f"gauge {AXES[direction].upper()} with the opposite sign"
+            yield Blunder(since(Doubt.SIGN, words, mine), np.where(mine, -1.0, 1.0), rows)
+    for setup in dict.fromkeys(step.setup for step in steps):
+        mine = np.array([step.setup == setup for step in steps])
+        if mine.sum() > 2 and np.all(whole[mine] & paired[mine]):
+            question = since(Doubt.EXCHANGED, "are the two gauges exchanged", mine)
+            swapped = np.where(mine, rows + len(readings.steps), rows)
+            yield Blunder(question, np.ones(len(rows)), swapped)
+
+
+def _explanations(readings: ReadingsSoFar, evidence: Evidence) -> Iterator[tuple[float, Question]]:
+    """Blunders that make an ordinary reading of the last one, which is none without them.
+
+    With the chance of a reading at least this far off if so.
+    """
+    rows, value = readings.compared, readings.value[readings.compared]
+    away = value[-1] - evidence.prediction.mean.item()
+
+    def of_last(doubt: Doubt, words: str, factor: float = 1.0, shift_mm: float = 0.0) -> Blunder:
+        factors = np.append(np.ones(len(rows) - 1), factor)
+        return Blunder(Question(doubt, words), factors, rows, shift_mm)
+
+    blunders: list[Blunder] = []
+    if turn := readings.setting.machine.instrument.turn_mm:
+        slip = math.copysign(turn, away)
+        for turns in (1, 2, 3):
+            words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
+            blunders.append(of_last(Doubt.REVOLUTION, words, shift_mm=-turns * slip))
+    blunders.append(of_last(Doubt.SIGN, "opposite sign?", -1.0))
+    blunders += [of_last(Doubt.POINT, "decimal point misplaced?", k) for k in (10.0, 0.1)]
+    if readings.partner[-1] >= 0:
+        swapped = np.append(rows[:-1], rows[-1] + len(readings.steps))
+        exchanged = of_last(Doubt.EXCHANGED, "are the two gauges exchanged?")
+        blunders.append(exchanged._replace(rows=swapped))
+    for blunder in (*blunders, *evidence.whole):
+        undone, prediction = (value * blunder.factors)[:, None], evidence.prediction
+        # What changes only the last reading leaves the prediction of it as it is.
+        if blunder.rows is not rows or np.any(blunder.factors[:-1] != 1.0):
+            prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
+        chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
+        if chance >= _ORDINARY and LIMIT * prediction.std.item() <= abs(away):
+            yield chance, blunder.question
+
+
+def _how_far(readings: ReadingsSoFar, unit: Unit, expected: float, std: float) -> str:
+    value = float(readings.value[-1])
+    if not readings.repeats:
+        here = f"{with_uncertainty(expected, 2 * std)} mm"
+        if unit is Unit.INCH:
+            inches = expected / MM_PER_INCH, 2 * std / MM_PER_INCH
+            here = f"{with_uncertainty(*inches)} in ({here})"
+        return f"expected {here} here, not {value_text(value, unit)}"
+    difference = abs(value - float(np.mean(readings.value[readings.repeats])))
+    count = _NUMBERS[min(len(readings.repeats), 5)]
+    far = value_text(difference, unit, "")
+    return f"{far} from the last {'cycle' if count == 'one' else count + ' cycles'}"

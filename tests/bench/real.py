@@ -27,10 +27,10 @@ import numpy as np
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.estimation import free_arms
 from orthoglide_cal.files.input import Input, read_input
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests.bench import ONE_CORE
 from tests.truth.delta import Delta, Floats, Truth, touches
 

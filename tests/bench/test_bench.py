@@ -5,8 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from orthoglide_cal.inference import Verdict, diagnose
-from orthoglide_cal.planning import best_next
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.planning.plan import best_next
 from tests.inference.sessions import known
 from tests.truth import (
     CAUSES,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.model import Cause, Stage
+from orthoglide_cal.report.sentences import cause_words
 from tests.machines import ROOT
 from tests.subjects import SUBJECTS, Subject, every_cause, every_subject
 
@@ -29,12 +30,6 @@ def test_it_does_not_happen_on_other_kinds(cause: Cause, subject: Subject) -> No
         assert cause.stated(silent) == cause.sizes.get(type(silent), 0.0)
     assert cause.possible(subject.machine)
     assert not cause.assumed(subject.machine)
-
-
-@alone
-def test_words_of_another_kind_are_of_what_is_read(cause: Cause) -> None:
-    read = {"title", "instrument", "advice", "no_setting"}
-    assert all(worded.keys() <= read for worded in cause.elsewhere.values())
 
 
 @every_cause
@@ -65,14 +60,16 @@ def test_each_acts_in_its_own_stage_alone(cause: Cause, subject: Subject) -> Non
     assert changed == [cause.stage]
 
 
-@alone
-def test_each_tells_a_technician_what_it_is_and_what_to_do(cause: Cause) -> None:
-    for phrase in (cause.title, cause.instrument):
+@every_cause
+def test_each_tells_a_technician_what_it_is_and_what_to_do(cause: Cause, subject: Subject) -> None:
+    words = cause_words(cause.id, subject.machine, "there")
+    assert {*words} == {"title", "check", "advice", "no_setting"}
+    for phrase in (words["title"], words["check"]):
         assert phrase[0].islower()
         assert phrase[-1] != "."
-    assert len(cause.instrument) <= 62
-    assert cause.advice.endswith(".")
-    assert len(cause.advice) > 20
+    assert len(words["check"]) <= 62
+    assert words["advice"].endswith(".")
+    assert len(words["advice"]) > 20
 
 
 @every_cause

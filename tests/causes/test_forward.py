@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.kinematics import Command
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import Cause, Effect, Model, differentiate, simulate
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth

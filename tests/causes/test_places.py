@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause, Place
-from orthoglide_cal.model.contrasts import zero_free
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.estimation.solution import zero_free
+from orthoglide_cal.model.model import Cause, Model, Place, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan
@@ -59,8 +58,8 @@ def test_faults_of_the_measurement_are_those_of_the_truth(
     record = written(CAUSES[id], size, place, mine, simulate(model, offsets, mine) + zeros)
     assert np.abs(record - true).max() < 1e-9
     if not (cause := CAUSES[id]).exchanges:
-        spoiled = cause.spoiled(place, mine).tolist()
-        assert spoiled == np.flatnonzero(np.abs(true - surface) > 1e-9).tolist()
+        spoiled = cause.patterns(mine, (place,)).columns(slice(None)).any(axis=1)
+        assert spoiled.tolist() == (np.abs(true - surface) > 1e-9).tolist()
     assert np.abs(record - surface).max() > 0.05
 
 

@@ -140,7 +140,7 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
             return True
 
         with monkeypatch.context() as patch:
-            patch.setattr("orthoglide_cal.files.linuxcnc.is_live", live)
+            patch.setattr("orthoglide_cal.files.controller_file.LinuxCnc.is_live", live)
             said = done("apply", "before.csv", "--to", "mill.ini", "--yes")
         assert "Restart" not in said  # homing is enough
         assert [float(text) for text in told] == offsets() != [0.5, -12.25, 0.0]

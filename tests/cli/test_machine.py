@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
-from orthoglide_cal.session.journal import create, decode
-from orthoglide_cal.session.opening import session_file
+from orthoglide_cal.session.dialogue import session_file
+from orthoglide_cal.session.events import create, decode
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
 from tests.session.virtual import opened, taken

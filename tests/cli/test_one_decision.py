@@ -16,10 +16,10 @@ from orthoglide_cal.estimation import pose, solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.readings import GaugeIdentity
-from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.orthoglide import JointOffsets
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests.cli.program import DOUBLE, SAMPLES, SIX, UNDETERMINED, answer, lines, run
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg

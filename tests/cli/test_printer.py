@@ -17,6 +17,7 @@ import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import read_machine_file
+from orthoglide_cal.report.sentences import cause_words
 from tests.cli.program import (
     answer,
     done,
@@ -153,7 +154,9 @@ def test_measured_arms_that_the_firmware_has_not_make_the_radius_unsure() -> Non
 
 def test_verify_says_what_was_entered_of_each_parameter() -> None:
     """Afterwards the firmware has what was true, so nothing is left but noise."""
-    compared = found("verify", "printer.cfg", "after.cfg", "--data", "mesh")
+    both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
+    compared = found(*both)
+    assert "Nothing more to do." in run(*both).stdout
     changes = {**dict(zip("abc", SHIFT[:3], strict=True)), "radius": 0.24, "angle_a": 0.11}
     for name, change in changes.items():
         assert compared["entered"][name] == pytest.approx(change)
@@ -261,8 +264,7 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
     machine = read_machine_file("v400.yaml").model.machine
     for cause in CAUSES.values():
         if type(machine) in cause.sizes:
-            there = cause.words(machine)
-            text = " ".join((there.title, there.instrument, there.advice, there.no_setting))
+            text = " ".join(cause_words(cause.id, machine).values())
             assert not foreign.search(text), text
     for said in (
         *(page(verb, "belt.csv", *MACHINE) for verb in ("solve", "diagnose")),

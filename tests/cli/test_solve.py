@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_text
-from orthoglide_cal.results import Answer
+from orthoglide_cal.results.answer import Answer
 from tests.cli.program import DOUBLE, SESSION, SINGLE, SIX, answer, lines, run
 
 

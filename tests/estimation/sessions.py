@@ -16,7 +16,7 @@ from orthoglide_cal.model.measured import (
 )
 from orthoglide_cal.model.model import Model, simulate, synthetic_session
 from orthoglide_cal.model.orthoglide import Gauge, ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats, Plan, joined
+from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan
 from tests.machines import extended
 
@@ -73,7 +73,7 @@ def only(data: Differences, *names: str) -> Differences:
 def merged(one: GaugePlan, other: GaugePlan) -> GaugePlan:
     """One after the other, each with set-ups of its own."""
     later = replace(other, setup=other.setup + one.setups, order=other.order + len(one))
-    return joined(one, later)
+    return Plan.joined(one, later)
 
 
 def solved(

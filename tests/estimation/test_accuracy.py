@@ -13,14 +13,13 @@ from scipy import stats
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import scatter_of_repeats
 from orthoglide_cal.estimation.gaussian import unexplained
-from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.estimation.solution import SUSPICIOUS, scatter_of_repeats
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.plan import joined
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series
 from tests.estimation.sessions import (
     OFFSETS,
@@ -70,7 +69,7 @@ def test_what_noise_leaves_of_differences_is_chi_squared(kind: DataKind, influen
 def test_no_spare_difference_means_no_sigma() -> None:
     three = only(differences(SIX, NOMINAL), *[each.name for each in DIFFERENCES[SIX][:3]])
     solution = solve(three, NOMINAL)
-    assert solution.sigma_residuals_mm is None
+    assert solution.scatter is None
     assert solution.dof == 0
     assert solution.noise.sigma_mm == PROTOTYPE.gauge.noise_mm
     assert solution.lack_of_fit_p == 1.0
@@ -92,7 +91,7 @@ def test_a_distance_scatters_by_as_much_more_as_it_is_less_precise() -> None:
     """Six distances twice, each pair 2 d apart, at a weight w: its σ is √2·w·d with w·d known."""
     weights, first = np.linspace(0.2, 0.7, 6), np.column_stack((np.arange(6), np.zeros((6, 2))))
     once = printed(first, first + 50.0)
-    plan = replace(joined(once, once), precision=np.tile(weights, 2))
+    plan = replace(Plan.joined(once, once), precision=np.tile(weights, 2))
     apart = 0.03 / weights
     found = scatter_of_repeats(plan, 50.0 + np.concatenate((apart, -apart)))
     assert (found.sigma_mm, found.dof) == (pytest.approx(0.03 * 2.0**0.5), 6)
@@ -109,7 +108,7 @@ def test_lost_motion_that_a_scanning_probe_cannot_show_is_misfit_all_the_same() 
     h, jacobian = differentiate(model, solution.offsets_mm, plan)
     left = session.value - h
     left = left - jacobian @ np.linalg.lstsq(jacobian, left, rcond=None)[0]
-    assert solution.sigma_residuals_mm == pytest.approx(np.sqrt(left @ left / (25 - 6)))
+    assert solution.scatter.sigma_mm == pytest.approx(np.sqrt(left @ left / (25 - 6)))
     assert solution.lack_of_fit_p < SUSPICIOUS
 
 
@@ -125,8 +124,8 @@ def test_sigma_of_raw_readings_is_from_all_of_them_whatever_the_method(method: s
     left = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]
     sums = float(left @ left)
     assert solution.dof == 60 - 6 - 3
-    assert solution.sigma_residuals_mm == pytest.approx(np.sqrt(sums / 51), rel=1e-9)
-    assert solution.noise.sigma_mm == solution.sigma_residuals_mm
+    assert solution.scatter.sigma_mm == pytest.approx(np.sqrt(sums / 51), rel=1e-9)
+    assert solution.noise.sigma_mm == solution.scatter.sigma_mm
     stated = LARGE.gauge.noise_mm
     assert solution.lack_of_fit_p == pytest.approx(stats.chi2.sf(sums / stated**2, 51), rel=1e-9)
     assert solution.warnings == ()
@@ -136,7 +135,7 @@ def test_the_gauges_resolution_is_the_floor() -> None:
     """A gauge of 0.01 mm that always shows the same number has not measured to a nanometre."""
     session = readings(NOMINAL, double_posture(PROTOTYPE), np.zeros(3), seed=None)
     solution = solve(session, NOMINAL)
-    assert solution.sigma_residuals_mm < 1e-9
+    assert solution.scatter.sigma_mm < 1e-9
     assert solution.noise.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
     assert any("resolution" in warning for warning in sentences(solution.warnings))
 

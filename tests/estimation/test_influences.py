@@ -12,13 +12,11 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import Scatter
-from orthoglide_cal.estimation.budget import Contribution, budget_of, influences, warmth
+from orthoglide_cal.estimation.budget import Contribution, Scatter, budget_of, influences, warmth
+from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.readings import Conditions
-from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.contrasts import without_zeros
 from orthoglide_cal.model.machine import Influence, Origin
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Effect, Model
 from orthoglide_cal.model.orthoglide import single_posture
 from orthoglide_cal.model.plan import Floats
 from tests import truth

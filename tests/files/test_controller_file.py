@@ -10,7 +10,6 @@ import pytest
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.files.controller_file import ControllerFile, controller_file, replace_file
 from orthoglide_cal.files.klipper import read_printer_file
-from orthoglide_cal.files.linuxcnc import is_live
 from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model.machine import Corrections, Written
@@ -188,8 +187,8 @@ def test_a_running_linuxcnc_of_this_ini_tells_seven_digits(
     program.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
     runs = by and tmp_path / by
-    monkeypatch.setattr("orthoglide_cal.files.linuxcnc.running_ini", lambda: runs)
-    assert is_live(of(tmp_path, INI.replace("0.500\n", f"{offset}\n"))) is same
+    monkeypatch.setattr("orthoglide_cal.files.controller_file.running_ini", lambda: runs)
+    assert (of(tmp_path, INI.replace("0.500\n", f"{offset}\n")).running() == "") is same
 
 
 @pytest.mark.parametrize("count", [240, pytest.param(8000, marks=pytest.mark.slow)])

@@ -13,7 +13,7 @@ from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import decision_notice
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests import firmware_files as made
 from tests.cli.program import run
 from tests.printer_files import OFF, printer_cfg

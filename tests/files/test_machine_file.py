@@ -24,11 +24,10 @@ from orthoglide_cal.files.machine_file import (
     with_history,
 )
 from orthoglide_cal.files.readings import Session, session_text
-from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model.cause import Effect, Estimate
+from orthoglide_cal.files.tree import load_tree
 from orthoglide_cal.model.linear_delta import CALLIPER_MM
 from orthoglide_cal.model.machine import Details, Entered, JointOffsets, OwnGauge
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Effect, Estimate, Model
 from orthoglide_cal.model.orthoglide import Gauge, Orthoglide, double_posture
 from tests.printers import CONFIG, UNEVEN, printer
 from tests.truth.delta import TOLERANCES, delta_yaml

@@ -230,7 +230,8 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
 def test_a_block_that_klipper_drops_is_told_when_the_file_is_only_read() -> None:
     heading = "auto-generated.\n#*#\n"
     assert not read("#*# first\n" + GOOD.replace(heading, f"{heading}\n")).remarks
-    for stray in ("\n#*# kept by hand\n" + GOOD, GOOD.replace(heading, f"{heading}#*# [a]\n\n")):
-        assert [remark.code for remark in read(stray).remarks] == ["dropped"]
+    for stray in ("\n#*# a\n#*# b\n" + GOOD, GOOD.replace(heading, f"{heading}#*# [a]\n\n\n")):
+        (remark,) = read(stray).remarks
+        assert (remark.code, len(remark.data["lines"])) == ("dropped", 2)
     marked = document_from_bytes(codecs.BOM_UTF8 + GOOD.encode(), "printer.cfg")
     assert [remark.code for remark in read_printer_file(marked).remarks] == ["dropped"]

@@ -10,7 +10,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_from_text, read_machine_file
-from orthoglide_cal.files.probe_readings import REPEATABILITY_MM
+from orthoglide_cal.files.printer_file import REPEATABILITY_MM
 from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops
 from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Model

@@ -19,8 +19,7 @@ import yaml
 
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.session.asking import Asker
-from orthoglide_cal.session.dialogue import Quit
-from orthoglide_cal.session.opening import Request, open_session
+from orthoglide_cal.session.dialogue import Quit, Request, open_session
 from tests import conftest  # noqa: F401  # options are made once, which takes longer than a command
 from tests.cli.program import done, lines, run
 from tests.files.test_machine_file import HISTORY, VALUES, accepted, text_with

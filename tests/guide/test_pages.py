@@ -15,7 +15,11 @@ from tests.machines import ROOT
 from tests.markdown import blocks, mentioned, run_block
 
 FOLDER = ROOT / "orthoglide_cal" / "guide"
-PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted(FOLDER.rglob("*.md"))}
+# Without what stands above the title of a cause.
+PAGES = {
+    path.stem: path.read_text(encoding="utf-8").rpartition("---\n\n")[2]
+    for path in sorted(FOLDER.rglob("*.md"))
+}
 OF_CAUSES = {path.stem for path in (FOLDER / "causes").glob("*.md")}
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -27,7 +31,7 @@ def test_every_cause_has_its_page() -> None:
 @pytest.mark.parametrize("id", CAUSES)
 def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
     cause, page = CAUSES[id], PAGES[id]
-    assert page.startswith(f"# {id}: {cause.title}\n")
+    assert re.match(rf"# {id}: [a-z].*[^.]\n", page)
     assert blocks(page, "text"), "no picture"
     size = re.search(r"^- \*Usual size\*: (.*)", page, re.MULTILINE)
     assert size

@@ -9,8 +9,8 @@ from orthoglide_cal.estimation.gaussian import condition
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_from_text
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.inference import Diagnosis
 from orthoglide_cal.inference.data import Whitened, as_read, unit_of
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
 from orthoglide_cal.model.model import Model, differentiate

@@ -15,15 +15,16 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.files.readings import session_of_readings, session_text
-from orthoglide_cal.inference import Diagnosis, Explanation
-from orthoglide_cal.inference import diagnose as analysed
 from orthoglide_cal.inference.data import Candidates, Ids
+from orthoglide_cal.inference.diagnose import Diagnosis
+from orthoglide_cal.inference.diagnose import diagnose as analysed
+from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SIX, answer, lines, once, run, words
 from tests.cli.program import written_in as written

@@ -16,9 +16,9 @@ from scipy.stats import multivariate_normal
 
 from orthoglide_cal.estimation.gaussian import mixture, probabilities
 from orthoglide_cal.estimation.losses import state
-from orthoglide_cal.inference import Diagnosis
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit, fit_trends
+from orthoglide_cal.results.history import SIZES, DatedValues, Part, Trend, TrendFit, _fit
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals
@@ -183,7 +183,7 @@ def test_steps_between_the_same_sessions_are_one_of_all_that_changed() -> None:
     change, known = np.array([-1.49, -0.032, -0.367]), np.diag([0.008**2] * 3)
     both = np.stack([0.0 * change, change])
     data = DatedValues(both, np.stack([known, known]), [{}, {}], np.arange(2.0), [range(3)])
-    ((step, sizes, _),) = fit_trends(data)[Trend.CHANGED,][1].sizes(Trend.CHANGED)
+    ((step, sizes, _),) = _fit(data, (Trend.CHANGED,))[1].sizes(Trend.CHANGED)
     assert step.subset == (0, 1, 2)
     assert sizes == pytest.approx(change, abs=1e-6)
 

@@ -14,8 +14,8 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import Diagnosis
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind

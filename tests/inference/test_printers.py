@@ -13,16 +13,17 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import Input, read_input, together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning import best_next
+from orthoglide_cal.planning.plan import best_next
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import answer_to, with_dates
+from orthoglide_cal.results.making import answer_to
 from tests.inference.sessions import given, ids
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import true_values
@@ -160,7 +161,7 @@ def test_dates_together_share_one_shape_and_have_their_own_parameters() -> None:
     found = diagnose(joint.measured, joint.model)
     assert {"bed_shape", "backlash"} <= {c.id for c in found.causes} | set(found.ambiguous_with)
     assert found.lack_of_fit.dof == 61 + 73 - 12
-    answer = with_dates(answer_to(joint, diagnosed=found), found, inputs)
+    answer = answer_to(joint, diagnosed=found, dates=inputs)
     assert [each.readings for each in answer.inputs] == [61, 73]
     for session, each in zip(sessions, answer.dates, strict=True):
         true = true_values(session.machine, session.truth)

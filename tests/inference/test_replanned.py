@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.inference import Diagnosis, data, diagnose
+from orthoglide_cal.inference import data
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import score_all
-from orthoglide_cal.model.cause import Place
+from orthoglide_cal.model.model import Place
 from tests import truth
 from tests.inference.sessions import ids, known
 from tests.machines import sure

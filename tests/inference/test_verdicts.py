@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.patterns import PLANNED
-from orthoglide_cal.model.cause import NORMAL_K, Effect
-from orthoglide_cal.model.contrasts import without_zeros
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.paper.tables import experiment
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import headline
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals

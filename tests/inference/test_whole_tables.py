@@ -7,10 +7,11 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import OFFSETS_MM, Candidates, Whitened
-from orthoglide_cal.model.cause import Place
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import DataKind, Readings
+from orthoglide_cal.model.model import Place
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.making import release
 from tests import truth
@@ -55,7 +56,7 @@ def test_exchanged_columns_are_named(machine: truth.Machine, gauge: truth.Gauge)
     readings, model = known(session)
     found = diagnose(exchanged(readings, session), model)
     assert [cause.id for cause in found.causes] == ["exchanged_columns"]
-    assert "headings leg and direction" in found.causes[0].remedy
+    assert "headings leg and direction" in sentences([found.causes[0].remedy])[0]
     assert np.all(off(found, session) < 4.5)
     assert found.offsets_mm == pytest.approx(solve(readings, model).offsets_mm, abs=1e-4)
     assert found.causes[0].heldout_after_mm < 1.5 * truth.expected_heldout(session)
@@ -184,4 +185,4 @@ def test_two_legs_written_for_each_other_are_the_third_ones_gauges(gauge: truth.
     text = "\n".join((header, *(",".join(cell) for cell in cells))) + "\n"
     found = diagnose(read(text, model), model)
     assert ("swapped_gauges", "leg z") in [(c.id, c.where) for c in found.causes]
-    assert "readings of the other two legs are exchanged" in found.causes[0].remedy
+    assert "the other two legs are exchanged" in sentences([found.causes[0].remedy])[0]

@@ -8,10 +8,9 @@ import pytest
 from scipy.special import eval_jacobi
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.contrasts import zero_free
+from orthoglide_cal.estimation.solution import zero_free
 from orthoglide_cal.model.linear_delta import GRAIN_MM
-from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.model import Effect, Model, simulate
 from orthoglide_cal.model.plan import Floats
 from tests.model.test_plan import groups
 from tests.printers import (

@@ -12,12 +12,11 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import fit_offsets, solve
-from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.inference import diagnose
-from orthoglide_cal.model.cause import Effect, Place
+from orthoglide_cal.estimation.budget import half_width
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
-from orthoglide_cal.model.model import simulate, synthetic_session
+from orthoglide_cal.model.model import Effect, Place, simulate, synthetic_session
 from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.workspace import compensation

@@ -11,7 +11,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UsageError
-from orthoglide_cal.model.contrasts import zero_free
+from orthoglide_cal.estimation.solution import zero_free
 from orthoglide_cal.model.kinematics import Points, trilaterate
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import STEP, Model, differentiate, simulate

@@ -17,8 +17,8 @@ from orthoglide_cal.planning.plan import (
     SessionForecast,
     chosen_session,
     measurement_plan,
+    separations,
 )
-from orthoglide_cal.planning.separation import separations
 from tests.decisions import new_plan
 from tests.estimation.sessions import solved
 from tests.inference.sessions import model_from
@@ -103,9 +103,8 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     quicker = [layout for layout in able if layout.minutes < best.minutes]
     assert len(quicker) > 5
     for layout in quicker:
-        found = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals)
-        (apart,) = found.pairs.values()
-        assert apart < enough
+        pairs, _ = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals)
+        assert max(pairs.values()) < enough
 
 
 def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +115,7 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
     design = new_plan(chosen_session(Model(rough))).design
     assert design.rivals_sigma < CERTAIN_SIGMA
     best = max(
-        max(separations(Model(rough), layout.plan, rough.rivals).pairs.values())
+        max(separations(Model(rough), layout.plan, rough.rivals)[0].values())
         for layout in rough.distinguishing_layouts()
     )
     assert design.rivals_sigma == best

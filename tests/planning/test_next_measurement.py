@@ -7,17 +7,17 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.inference.result import NextMeasurement, Verdict
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
-from orthoglide_cal.model.plan import Floats, joined
+from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning import best_next, rank_measurements
-from orthoglide_cal.planning.next_measurement import options, predictions
+from orthoglide_cal.planning.plan import best_next, options, predictions, rank_measurements
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.bench.ambiguous import continued
 from tests.inference.sessions import given, known, model_of, readings_of, reduced
@@ -73,7 +73,7 @@ def test_aliases_are_those_of_the_data_set(cause: str, rival: str) -> None:
     assert set(found.ambiguous_with) - set(first.aliases) <= {"sign_flip", "swapped_gauges"}
     assert first.id not in first.aliases
     far = chosen(found, "mm from the carriage joint", "one cycle").plan
-    for plan in (double_posture(MACHINE, cycles=2), joined(LIMITS, far)):
+    for plan in (double_posture(MACHINE, cycles=2), Plan.joined(LIMITS, far)):
         found = diagnose(measured(plan, cause), MODEL)
         assert set(found.ambiguous_with) <= {"swapped_gauges"}
         assert [c.id for c in found.causes] == [cause]
@@ -115,7 +115,7 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     following = max(new_stands, key=lambda each: each.separation_sigma)
     assert following.between
     assert set(following.between) == {(cause,), (rival,)}
-    plan = joined(LIMITS, following.plan)
+    plan = Plan.joined(LIMITS, following.plan)
     gained = []
     for true, other in ((cause, rival), (rival, cause)):
         fit = before.fit_of((true,))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orthoglide_cal.inference import NextMeasurement
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import (
     MARGIN,
@@ -18,9 +18,9 @@ from orthoglide_cal.model.orthoglide import (
     single_posture,
     visiting,
 )
-from orthoglide_cal.model.plan import joined
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.next_measurement import WAIT_MIN, options
+from orthoglide_cal.planning.plan import WAIT_MIN, options
 from orthoglide_cal.planning.steps import Order, clock, design_of, steps_of
 from orthoglide_cal.report.sentences import sentence
 from tests import truth
@@ -43,7 +43,7 @@ def test_it_can_be_done(option: NextMeasurement) -> None:
     low, high = MACHINE.joint_limits_mm
     assert plan.displacement.min() >= low
     assert plan.displacement.max() <= high
-    whole = joined(FIRST, plan)
+    whole = Plan.joined(FIRST, plan)
     assert np.all(np.diff(whole.order) > 0)
     assert np.all(np.diff(whole.hours) >= 0.0)
     assert sentence(option.what).endswith(".")
@@ -63,7 +63,8 @@ def test_stands_that_stay_keep_their_zeros_and_others_get_new_ones() -> None:
     for option in WITH_NEW_STANDS:
         assert set(option.plan.part) == {1}
         assert option.plan.setup.min() == FIRST.setups
-        assert joined(FIRST, option.plan).setups == FIRST.setups + 2 * len(set(option.plan.leg))
+        stands = 2 * len(set(option.plan.leg))
+        assert Plan.joined(FIRST, option.plan).setups == FIRST.setups + stands
 
 
 def test_a_bar_that_was_turned_is_not_turned_again() -> None:
@@ -86,7 +87,7 @@ def test_each_teaches_something_else() -> None:
 def test_a_step_is_entered_beside_what_was_entered_and_taken_back_behind_it() -> None:
     before = np.array([0.2, 0.0, -0.1])
     (stepped, *_) = (option for option in GOING_ON if "mm short" in sentence(option.what))
-    both = joined(FIRST, stepped.plan)
+    both = Plan.joined(FIRST, stepped.plan)
     assert both.entered[both.in_time[-1]].any()
     entered = replace(FIRST, entered=np.tile(before, (len(FIRST), 1)))
     for first, stays in ((entered, before), (both, 0.0 * before)):
@@ -153,7 +154,7 @@ def test_options_never_leave_the_bar(machine: Machine, at: float) -> None:
         found = [*options(first, machine)]
         assert found
         for option in found:
-            plan = option.plan if first is None else joined(option.plan)
+            plan = option.plan if first is None else Plan.joined(option.plan)
             touched = plan.gauge_at + plan.displacement / machine.leg_length_mm
             assert np.all(plan.contact == Contact.FIXED)
             assert np.all((touched >= -1e-9) & (touched <= 1.0 + 1e-9))

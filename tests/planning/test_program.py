@@ -18,11 +18,10 @@ from tempfile import mkdtemp
 import numpy as np
 import pytest
 
-from orthoglide_cal.cli.plan import write_program
 from orthoglide_cal.errors import InputError, PostureError
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.program import posture_program
+from orthoglide_cal.planning.program import posture_program, program_text
 from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, Order, SessionStep
 from tests.cli.program import done, refusals, run
 from tests.machines import NOMINAL, PROTOTYPE, ROOT, both_models
@@ -154,12 +153,11 @@ def gcode(
     """The program as it is written to a file, in a folder of its own."""
     chosen = steps_of(model) if steps is None else steps
     own = Path(mkdtemp(dir=folder))
-    made, path = own / "made.nc", None
+    path = None
     if template is not None:
         path = own / "template.nc"
         path.write_text(template, encoding="utf-8")
-    write_program(posture_program(model, chosen, SESSION), made, path)
-    return made.read_text(encoding="utf-8")
+    return program_text(posture_program(model, chosen, SESSION), Path("made.nc"), path)
 
 
 def default_template() -> str:
@@ -328,12 +326,11 @@ def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> N
     assert named == plain
 
 
-def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
-    steps, target = steps_of(NOMINAL), tmp_path / "program.csv"
+def test_the_csv_has_the_rows_of_the_program() -> None:
+    steps = steps_of(NOMINAL)
     foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name='=1+1,"x"'))
-    write_program(posture_program(foreign, steps, SESSION), target, None)
-    with target.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    text = program_text(posture_program(foreign, steps, SESSION), Path("program.csv"), None)
+    rows = list(csv.DictReader(text.splitlines()))
     visits = visits_of(steps)
     assert [row["block"] for row in rows] == [f"N{step.block}" for step in visits]
     assert " ".join(row["steps"] for row in rows).split() == [str(s.number) for s in steps]

@@ -16,7 +16,6 @@ from orthoglide_cal.planning.steps import (
     SessionStep,
     clock,
     gauge_moves,
-    step_name,
     steps_of,
 )
 from tests.machines import PROTOTYPE
@@ -111,7 +110,7 @@ def test_steps_of_any_plan_carry_what_is_read() -> None:
     assert [s.setup for s in steps[::2]] == [1, 1, 1, 2, 3, 4]
     assert {s.cycle for s in steps} == {1}
     assert [s.block for s in steps] == [10, 10, 20, 20, 30, 30, 40, 40, 50, 50, 60, 60]
-    assert step_name(steps[0]) == "leg X, +30 mm, cycle 1, gauge Y"
+    assert steps[0].name == "leg X, +30 mm, cycle 1, gauge Y"
     # Turn one bar; three moves to another set-up. What is commanded short takes no time.
     assert clock(steps)[-1] == pytest.approx(6 * 0.4 + 3 * 4.0 + MINUTES_PER_TURN)
 

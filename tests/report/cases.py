@@ -17,12 +17,11 @@ from orthoglide_cal.planning.plan import chosen_session, measurement_plan
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.answer import diagnosis_document, solution_document
-from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.plan import plan_document
+from orthoglide_cal.report.documents.reports import calibration_document, verification_document
 from orthoglide_cal.report.documents.short import check_document, paper_document
-from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.schema import Reason

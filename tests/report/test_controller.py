@@ -14,12 +14,12 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.model import Effect
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results.answer import Identity
 from tests.machines import NOMINAL, extended
 from tests.printer_files import OFF, exact
 from tests.report.cases import changed

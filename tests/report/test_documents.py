@@ -13,10 +13,9 @@ from orthoglide_cal.files.machine_file import machine_text, read_machine_file
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import solution_document
-from orthoglide_cal.report.documents.calibration import calibration_document
-from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.documents.reports import calibration_document, verification_document
 from orthoglide_cal.report.sentences import _SENTENCES
-from orthoglide_cal.results import identify
+from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
 from tests.machines import ROOT
@@ -26,9 +25,7 @@ from tests.results.cases import GAPED, case_of
 from tests.results.sessions import TRUE, given, session
 
 # What a renderer may know: the document, and how its texts are made harmless.
-KNOWN = {f"orthoglide_cal.{name}" for name in (
-    "errors", "report", "report.document", "report.escape"
-)}  # fmt: skip
+KNOWN = {f"orthoglide_cal.{name}" for name in ("errors", "report", "report.document")}
 
 
 def commands(document: doc.Document) -> list[str]:

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal import errors, schema, words
-from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import Bed
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import case, figures
-from orthoglide_cal.report.documents import pictures
 from orthoglide_cal.results.answer import Residual, Shim
 
 BED = Bed(100.0, (210.0, 330.0, 90.0), 10.0)
@@ -30,7 +29,7 @@ def test_residual_panels_have_one_scale_and_hold_every_value():
                  order=1, measured_mm=0.0, modelled_mm=0.0)
         for direction in "yz" for posture, moved, cycle in where
     ]  # fmt: skip
-    panels = partial(pictures.reading_panels, rows, noise_mm=0.003)
+    panels = partial(figures.reading_panels, rows, noise_mm=0.003)
     drawn = panels({"offsets only": left})
     assert len(drawn) == 2
     assert "offsets only: min +10.0, iso 0.0, iso +40.0, max 0.0." in drawn[1]
@@ -49,12 +48,12 @@ def test_residual_panels_have_one_scale_and_hold_every_value():
     assert "direction z" in ringed
     # Over time a reading stands where its time is; one whose time is not known is left out.
     when = [row.changed(minutes=m) for row, m in zip(rows, (*range(7), None), strict=True)]
-    timed = pictures.reading_panels(when, {"a": left}, over="minutes", shown=[7])[0]
+    timed = figures.reading_panels(when, {"a": left}, over="minutes", shown=[7])[0]
     places = [x for x, _ in marks(timed)]
     assert np.diff(sorted(places)) == pytest.approx([places[1] - places[0]] * 2, abs=0.02)
     # Differences share one panel, each at its name.
     named = [row.changed(leg=None, direction=None) for row in rows]
-    (shared,) = pictures.reading_panels(named, {"a": left, "b": 0.5 * left})
+    (shared,) = figures.reading_panels(named, {"a": left, "b": 0.5 * left})
     assert shared.count("all differences") == 2
 
 
@@ -66,7 +65,7 @@ def test_a_pattern_is_a_line_with_its_uncertainty_where_it_acts():
     ]  # fmt: skip
     values = 0.01 * np.arange(5.0) + 0.001
     effect, reach = 0.01 * np.arange(5.0), np.array([0.002] * 4 + [0.0])
-    (drawn,) = pictures.reading_panels(
+    (drawn,) = figures.reading_panels(
         rows, {"It drifts": values}, over="minutes", effect_mm=(effect, reach),
         shown=[0, 1, 2, 3], ringed=[2],
     )  # fmt: skip
@@ -88,7 +87,7 @@ def test_a_pattern_is_a_line_with_its_uncertainty_where_it_acts():
 
 def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     rows = [("dx_y", 0.5, 0.0, 0.02, 0.1), ("dz_x", 0.4, -0.1, 0.04, -0.3)]
-    figure = partial(pictures.differences_figure, rms_mm=(0.45, 0.07, 0.22), single=False)
+    figure = partial(figures.differences_figure, rms_mm=(0.45, 0.07, 0.22), single=False)
     (drawn,) = figure(rows, limit_mm=0.2).panels
     assert "as left ± U" in drawn
     assert "+0.100 ± 0.020" in drawn
@@ -182,11 +181,11 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     assert ringed.count('class="ring"') == 1
     assert "1 ringed" in ringed
     assert len(set(re.findall(r'fill="var\(--d(\d)\)"></circle>', ringed))) > 4
-    signs = [*pictures._signs(place, left, 0.009)]
+    signs = [*figures._signs(place, left, 0.009)]
     assert signs[0].strip() == "·"
     assert signs[-1].split() == ["▼", "▲"]
     row = np.stack((np.linspace(-100.0, 100.0, 5), np.zeros(5)), axis=-1)
-    (signs,) = pictures._signs(row, np.array([0.01, 0.03, -0.03, 0.05, -0.05]), 0.01)
+    (signs,) = figures._signs(row, np.array([0.01, 0.03, -0.03, 0.05, -0.05]), 0.01)
     assert signs.split() == list("·+−▲▼")
 
 

@@ -11,10 +11,14 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.planning.plan import MeasurementPlan, chosen_session, measurement_plan
+from orthoglide_cal.planning.plan import (
+    MeasurementPlan,
+    chosen_session,
+    measurement_plan,
+    rank_measurements,
+)
 from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document

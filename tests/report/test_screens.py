@@ -12,15 +12,16 @@ from rich.cells import cell_len
 
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
-from orthoglide_cal.inference import Verdict, diagnose
-from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.planning.plan import chosen_session, measurement_plan
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document
 from orthoglide_cal.report.documents.plan import plan_document
-from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import RETAKE, Remedy, answer_to
+from orthoglide_cal.report.documents.reports import verification_document
+from orthoglide_cal.results.answer import RETAKE, Remedy
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.cli.program import done
 from tests.inference.sessions import given

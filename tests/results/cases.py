@@ -15,7 +15,8 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.results import Identity, answer_to, identify
+from orthoglide_cal.results.answer import Identity, identify
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.results.verification import Verification, verify
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import some

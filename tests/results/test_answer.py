@@ -15,8 +15,9 @@ from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import OffsetEstimate, promise, solve
-from orthoglide_cal.estimation.accuracy import Scatter
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
+from orthoglide_cal.estimation.budget import Scatter
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
+from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model, simulate
@@ -24,8 +25,9 @@ from orthoglide_cal.model.orthoglide import single_posture
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
-from orthoglide_cal.results.making import release
+from orthoglide_cal.results import making
+from orthoglide_cal.results.answer import Answer, identify
+from orthoglide_cal.results.making import answer_to, release
 from orthoglide_cal.words import signed
 from tests.inference.sessions import changed
 from tests.inference.sessions import given as touched
@@ -266,7 +268,7 @@ def test_the_place_of_the_fault_stands_in_the_first_line_of_the_advice() -> None
     (cause,) = answer.causes
     assert cause.where == "leg x, direction z, min, cycle 2 (reading 12)"
     (remedy,) = answer.release.remedies
-    assert sentences([remedy.sentence])[0].startswith(f"Take this reading again: {cause.where}. ")
+    assert sentences([remedy.sentence])[0].startswith(f"Read again: {cause.where}. ")
 
 
 def test_offsets_and_causes_keep_their_correlations() -> None:

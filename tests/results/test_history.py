@@ -11,10 +11,9 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import free_arms
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference.trends import Trend
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report.documents.history import history_document
-from orthoglide_cal.results.history import History, _Session, compare, moment_of
+from orthoglide_cal.results.history import History, Trend, _Session, compare
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.inference.sessions import given as touched
@@ -159,11 +158,8 @@ def test_a_name_that_the_next_session_refutes_is_withdrawn():
     shown = str(history_document(found).screen().notice)
     assert "1.csv: axis_" in shown
     assert "later readings refute it" in shown
-    pushed = {
-        before.measured.source.sha256: [
-            ("axis_gap", Estimate(name="xy", unit="mm", value=0.3, std=0.01))
-        ]
-    }
+    size = Estimate(name="xy", unit="mm", value=0.3, std=0.01)
+    pushed = {before.measured.source.sha256: [("axis_gap", size)]}
     again = of((gap,), Setting.exact(), rng, "again.csv")
     for known in (compare([before, after], adjusted=pushed), compare([before, again])):
         assert known.sessions[0].refuted is None
@@ -195,7 +191,7 @@ def test_the_name_of_a_file_tells_its_date():
         "printer.cfg": None,
     }.items():
         source = replace(only.measured.source, path=f"backup/{name}")
-        found = moment_of(replace(only, measured=replace(only.measured, source=source)))
+        found = replace(only, measured=replace(only.measured, source=source)).moment
         assert (found and found.isoformat()) == day
 
 

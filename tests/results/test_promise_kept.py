@@ -14,12 +14,12 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import promise, solve
-from orthoglide_cal.inference import diagnose
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Estimate, Model
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.results import Answer, answer_to
+from orthoglide_cal.results.answer import Answer
+from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.inference.sessions import changed, known
 from tests.results.sessions import given

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from orthoglide_cal.results import Answer
+from orthoglide_cal.results.answer import Answer
 from tests.machines import ROOT
 
 PAGE = ROOT / "orthoglide_cal" / "guide" / "json.md"

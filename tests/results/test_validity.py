@@ -11,12 +11,12 @@ from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.model.machine import Details, OwnGauge
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.results import identify
-from orthoglide_cal.results.validity import compare_reservations, validity
-from orthoglide_cal.results.verification import verify
+from orthoglide_cal.results.answer import identify
+from orthoglide_cal.results.making import validity
+from orthoglide_cal.results.verification import compare_reservations, verify
 from tests.machines import NOMINAL
 from tests.report.cases import changed, report_of
 from tests.results import cases

@@ -8,11 +8,11 @@ from typing import Any
 import yaml
 
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import NextMeasurement, diagnose
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.session.events import Event
-from orthoglide_cal.session.journal import decode
+from orthoglide_cal.planning.plan import rank_measurements
+from orthoglide_cal.session.events import Event, decode
 
 SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")
 

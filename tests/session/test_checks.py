@@ -10,16 +10,16 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
-from orthoglide_cal.session.checks import (
+from orthoglide_cal.session.events import Answered, Doubt, Event, Taken, advance
+from orthoglide_cal.session.readings import (
     Evidence,
+    ReadingsSoFar,
     check,
     check_divisions,
     check_range,
     check_reading,
     check_repeats,
 )
-from orthoglide_cal.session.events import Answered, Doubt, Event, Taken, advance
-from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.words import Unit
 from tests import truth
 from tests.inference.sessions import model_of

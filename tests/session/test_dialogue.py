@@ -14,7 +14,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import session_json
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.steps import Posture
-from orthoglide_cal.results import answer_to
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Retake
@@ -91,7 +91,7 @@ def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> No
     """What is shown is U of the end, but for what is asked at the end only; it says so."""
     path = tmp_path / "s.journal"
     lines = typed(readings_of(steps_of(), 4))
-    dialogue, screen = answered(path, lines, first=opened(temperature_c=35.0), until=0.001)
+    dialogue, screen = answered(path, lines, first=opened(temperature_c=35.0), until_mm=0.001)
     dialogue.publish()
     assert "Not every offset is known within 0.001 mm." in screen.text
     found = answer_to(read_input(str(dialogue.path)))
@@ -123,7 +123,7 @@ def test_until_ends_early_with_the_closing_posture(
             step = dialogue.so_far.left[0]
             yield f"{right[step.number - 1]:.2f}"
 
-    dialogue, _, stack = a_dialogue(tmp_path / "s.journal", answers(), until=until)
+    dialogue, _, stack = a_dialogue(tmp_path / "s.journal", answers(), until_mm=until)
     with stack:
         state = dialogue.run()
     assert set(state.dropped.values()) == {state.ended.reason}
@@ -138,7 +138,7 @@ def test_until_ends_early_with_the_closing_posture(
 def test_until_never_leaves_a_leg_out(tmp_path: Path) -> None:
     """However generous, every leg, gauge and posture is measured once."""
     lines = typed(readings_of(steps_of(), 2))
-    dialogue, _ = answered(tmp_path / "s.journal", lines, until=50.0)
+    dialogue, _ = answered(tmp_path / "s.journal", lines, until_mm=50.0)
     measured = {step.cell for step in dialogue.so_far.steps}
     assert measured == {step.cell for step in dialogue.setting.steps}
     assert len(dialogue.so_far.steps) < 60
@@ -331,9 +331,8 @@ def test_s_all_ends_the_session_only_after_yes(tmp_path: Path, answer: str) -> N
 
 
 def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
-    dialogue, _, stack = a_dialogue(path, lines, first=opened(cycles=1))
+    dialogue, _, stack = a_dialogue(path, lines, first=opened(cycles=1), agreed=agreed)
     with stack:
-        dialogue.agreed = agreed
         dialogue.run()
         dialogue.publish()
     return dialogue
@@ -371,9 +370,8 @@ def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: 
     """The stands were moved since: leg X again, and leg Y, to which they come back."""
     path = tmp_path / "s.journal"
     answered(path, [*RIGHT[:9], "s cable", *RIGHT[10:25]])
-    dialogue, screen, stack = a_dialogue(path, [])
+    dialogue, screen, stack = a_dialogue(path, [], agreed=True)
     with stack:
-        dialogue.agreed = True
         dialogue.offer_again()
     (retake,) = [e for e in events_of(path) if isinstance(e, Retake)]
     assert retake.steps == tuple(range(1, 26))

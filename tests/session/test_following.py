@@ -14,14 +14,14 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.inference import diagnose
-from orthoglide_cal.planning import rank_measurements
+from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.planning.plan import rank_measurements
 from orthoglide_cal.planning.steps import GIVES_UP
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.session import opening
+from orthoglide_cal.session import dialogue as opening
 from orthoglide_cal.session.asking import Asker
+from orthoglide_cal.session.dialogue import Request, open_session, planned_next
 from orthoglide_cal.session.events import RECORD, Taken, replay
-from orthoglide_cal.session.opening import Request, open_session, planned_next
 from orthoglide_cal.session.readings import PriorReadings
 from tests.cli.program import done, refusals, refuses
 from tests.machines import ROOT, SAMPLES

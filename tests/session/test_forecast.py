@@ -8,17 +8,17 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.forecast import (
+from orthoglide_cal.estimation.gaussian import Mixture
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.readings import GaugePlan
+from orthoglide_cal.session.readings import (
     OFFSET_MM,
     UNKNOWN_MM,
     ZERO_MM,
     forecast,
     plausible_misfit_mm,
 )
-from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.orthoglide import plan_of
-from orthoglide_cal.model.readings import GaugePlan
 from tests import truth
 from tests.machines import NOMINAL, PROTOTYPE
 from tests.truth.forward import PARTS

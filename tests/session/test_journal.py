@@ -10,7 +10,7 @@ import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.planning.steps import Order
-from orthoglide_cal.session import journal as journal_module
+from orthoglide_cal.session import events as journal_module
 from orthoglide_cal.session.events import (
     RECORD,
     Answered,
@@ -19,6 +19,7 @@ from orthoglide_cal.session.events import (
     Ended,
     Event,
     GaugeLabel,
+    Journal,
     Noted,
     Paused,
     Reopened,
@@ -29,9 +30,11 @@ from orthoglide_cal.session.events import (
     Taken,
     Undone,
     advance,
+    create,
+    decode,
+    encode,
     replay,
 )
-from orthoglide_cal.session.journal import Journal, create, decode, encode
 
 from .virtual import AT, opened, questioned, random_events, taken
 

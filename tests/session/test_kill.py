@@ -11,12 +11,11 @@ import pytest
 
 from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.planning.steps import MeasuringProtocol
-from orthoglide_cal.session import journal as journal_module
+from orthoglide_cal.session import events as journal_module
 from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import Opened, replay
+from orthoglide_cal.session.events import Opened, create, decode, replay
 from orthoglide_cal.session.gauges import SimulatedGauge
-from orthoglide_cal.session.journal import create, decode
 
 from .virtual import (
     DOUBLE,

@@ -8,8 +8,8 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
-from orthoglide_cal.session.journal import encode
-from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
+from orthoglide_cal.session.dialogue import MOST_CYCLES, session_file, session_path
+from orthoglide_cal.session.events import encode
 from tests.cli.program import refusals, refuses
 from tests.machines import NOMINAL
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files.linuxcnc import Standing
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt
+from orthoglide_cal.session.gauges import Standing
 from tests.linuxcnc import LinuxCnc, missing
 
 from .virtual import Screen, a_dialogue

@@ -17,8 +17,7 @@ import pytest
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.session.gauges import SimulatedGauge
-from orthoglide_cal.session.wording import value_text
-from orthoglide_cal.words import Unit
+from orthoglide_cal.words import Unit, value_text
 
 from .going_on import content
 from .terminal import (
@@ -93,7 +92,7 @@ def test_every_interruption_keeps_everything(tmp_path: Path, how: str, when: str
 
 # Something is typed when nothing is read any more, before the terminal is given back.
 SLOW_TO_LEAVE = (
-    "import select; from orthoglide_cal.session.keyboard import Keyboard; close = Keyboard.close;"
+    "import select; from orthoglide_cal.session.asking import Keyboard; close = Keyboard.close;"
     "Keyboard.close = lambda it: (print('leaving'), select.select([0], [], []), close(it));"
 ) + AT_ONCE
 
@@ -180,6 +179,18 @@ def test_a_reader_that_goes_away(tmp_path: Path) -> None:
     assert "orthocal measure s.yaml --resume" in said
     assert "Traceback" not in said
     assert "Resumed: 1 reading " in run_program(tmp_path, "s.yaml", "--resume").stdout
+
+
+def test_a_number_typed_as_a_note_is_asked_about(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        for answer in "ny":
+            assert terminal.step() == 1
+            terminal.type("n")
+            for prompt, line in (("Note > ", "-0.64"), (r"as a note\? y/n > ", answer)):
+                terminal.expect(prompt)
+                terminal.type(line)
+        terminal.expect("Noted at step 1")
+    assert (tmp_path / "s.journal").read_text().count('"noted"') == 1
 
 
 def test_return_asks_a_gauge_and_an_error_is_no_reading(tmp_path: Path, line: SerialLine) -> None:

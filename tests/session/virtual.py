@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,13 +16,13 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol, Order, SessionStep
 from orthoglide_cal.session.asking import Asker, Line, Show, Style
-from orthoglide_cal.session.checks import Question, check
-from orthoglide_cal.session.dialogue import Dialogue, Quit
+from orthoglide_cal.session.dialogue import Dialogue, Quit, Request
 from orthoglide_cal.session.events import (
     Answered,
     Arrived,
     Doubt,
     Event,
+    Journal,
     Noted,
     Opened,
     Questioned,
@@ -33,11 +34,11 @@ from orthoglide_cal.session.events import (
     Taken,
     Undone,
     advance,
+    create,
     replay,
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal, create
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import Question, ReadingsSoFar, Setting, check
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
 
@@ -213,9 +214,8 @@ def a_dialogue(
     *,
     first: Opened | None = None,
     gauge: LiveGauge | None = None,
-    unit: Unit = Unit.MM,
-    until: float | None = None,
     show: Show | None = None,
+    **wishes: Any,
 ) -> tuple[Dialogue, Screen, contextlib.ExitStack]:
     """A session in `path` (a journal; resumed if it exists) that is answered by these lines.
 
@@ -229,7 +229,8 @@ def a_dialogue(
     screen = Screen()
     asker = Asker(Script(lines), show or screen, gauge)
     file = path.with_suffix(".yaml")
-    dialogue = Dialogue(file, journal, setting_of(steps), asker, a_clock(), unit, until)
+    request = Request(**wishes)
+    dialogue = Dialogue(file, journal, setting_of(steps), asker, request, now=a_clock())
     return dialogue, screen, stack
 
 

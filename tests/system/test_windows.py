@@ -7,14 +7,12 @@ import sys
 from collections import deque
 from contextlib import ExitStack, closing
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
 from orthoglide_cal import system
-from orthoglide_cal.session.journal import Journal, create
-from orthoglide_cal.session.keyboard import Keyboard
-from orthoglide_cal.system import posix
+from orthoglide_cal.session.asking import Keyboard
+from orthoglide_cal.session.events import Journal, create
 from tests.session.virtual import answered, opened
 
 
@@ -41,17 +39,14 @@ class Msvcrt:
         self.locked.add(place)
 
 
-def windows(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> ModuleType:
-    """The module for Windows, on this C library."""
+def windows(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> None:
+    """A computer with Windows, on this C library."""
     monkeypatch.setitem(sys.modules, "msvcrt", msvcrt)
-    module = importlib.import_module("orthoglide_cal.system.windows")
-    monkeypatch.setattr(module, "msvcrt", msvcrt)
-    return module
+    monkeypatch.setattr("orthoglide_cal.system.WINDOWS", True)
 
 
 def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[Keyboard]:
-    system = windows(monkeypatch, msvcrt)
-    monkeypatch.setattr("orthoglide_cal.session.keyboard.SYSTEM", system)
+    windows(monkeypatch, msvcrt)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
     return closing(Keyboard(msvcrt.output))
@@ -104,8 +99,7 @@ def test_a_journal_is_locked_far_behind_its_end(
     from orthoglide_cal.errors import UsageError
 
     msvcrt = Msvcrt()
-    system = windows(monkeypatch, msvcrt)
-    monkeypatch.setattr("orthoglide_cal.session.journal.SYSTEM", system)
+    windows(monkeypatch, msvcrt)
     path, stack = tmp_path / "s.journal", ExitStack()
     create(path, opened())
     Journal.resume(path, stack)
@@ -119,11 +113,10 @@ def test_a_journal_is_locked_far_behind_its_end(
     assert list(dialogue.state.accepted) == [1]
 
 
-def test_the_system_is_chosen_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert system.SYSTEM is posix
-    module = windows(monkeypatch, Msvcrt())
+def test_windows_lacks_what_others_have(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.platform", "win32")
-    chosen = importlib.reload(system).SYSTEM
+    for name in ("fcntl", "termios"):
+        monkeypatch.setitem(sys.modules, name, None)
+    chosen = importlib.reload(system).WINDOWS
     monkeypatch.undo()
-    importlib.reload(system)
-    assert chosen is module
+    assert chosen > importlib.reload(system).WINDOWS

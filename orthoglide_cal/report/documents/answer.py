@@ -4,21 +4,19 @@ Both say the decision and the next steps. Their details are the same; the calibr
 parts of them.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
 from orthoglide_cal.files.input import adjustments_by
-from orthoglide_cal.inference import Verdict, nothing_wrong
-from orthoglide_cal.inference.result import Explanation
-from orthoglide_cal.model.cause import Estimate, Stage
+from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
+from orthoglide_cal.model.model import Estimate, Stage
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
@@ -30,14 +28,11 @@ from orthoglide_cal.report.case import (
     size_words,
     sizes_words,
 )
-from orthoglide_cal.report.documents.pictures import (
-    brief_residuals,
-    differences_figure,
-    residual_blocks,
-)
-from orthoglide_cal.report.sentences import SOURCES, label_words, pattern_name
+from orthoglide_cal.report.figures import brief_residuals, differences_figure, residual_blocks
+from orthoglide_cal.report.sentences import METHODS, SOURCES, cause_words, label_words, pattern_name
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
+from orthoglide_cal.results.answer import RETAKE, Answer
+from orthoglide_cal.results.application import recording
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     chance,
@@ -57,26 +52,8 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-_METHODS: Mapping[Method, str] = {
-    Method.READINGS: "all readings at once",
-    Method.SIX: "eq. 25, six equations",
-    Method.TWELVE: "eq. 25, twelve equations",
-    Method.SIX_LINEAR: "eq. 17",
-    Method.TWELVE_LINEAR: "eq. 16",
-    Method.SINGLE: "eq. 10",
-    Method.SINGLE_SEQUENTIAL: "eq. 11",
-}
-_UNLISTED = "something that is not on the list"
-_OPEN_VERDICTS = (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
 # Reasons that a headline says, too: below it stands what they mean.
 _MEANT = ("offsets_wrong", "cause_found", "undecided", "beyond_list")
-_BRIEF_NOTES = ("acts_too", "not_excluded")
-# What reduces a cause that may be there, and one whose size no reading shows.
-_OPEN = (
-    "These readings hardly show it: measure with other {words.positions}, or state under"
-    " tolerances in the machine file how large it can be."
-)
-_STATE = "State how well that is known under tolerances in the machine file."
 # What one screen has room for.
 _MOST_DIFFERENCES, _LARGEST_DIFFERENCES = 6, 3  # of more the largest are shown
 _MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
@@ -129,7 +106,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     """
     answer, release = case.answer, case.answer.release
     enter = release.usable and release.needed
-    parameters: list[doc.Block | None] = [parameters_grid(case, brief=True), *open_blocks(case)]
+    parameters: list[doc.Block | None] = [_parameters_grid(case, brief=True), *_open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
     notes = [f"Note: {case.says(warning)}" for warning in _warnings(case)]
     numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
@@ -176,12 +153,10 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
         again.append("Then solve again, and enter only what it releases.")
     notes = [*_notes(case, brief=True)]
-    known = (e for e in answer.parameters if e.determined)
-    sizes = sizes_words((e.name, e.found or 0.0, e.expanded, e.unit) for e in known)
     it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
     causes = f" with {it}" * bool(answer.named or answer.patterns)
-    parameters = f"{case.words.many.capitalize()}{causes}: {sizes}."
-    decisive: list[doc.Block] = [*_sizes(case), parameters, *open_blocks(case)]
+    parameters = f"{case.words.many.capitalize()}{causes}: {sizes_words(answer.parameters)}."
+    decisive: list[doc.Block] = [*_sizes(case), parameters, *_open_blocks(case)]
     left = [] if undecided and not answer.holdout else [_rms_grid(case)]
     less_likely = [*range(2, _MOST_OPEN)]
 
@@ -208,12 +183,7 @@ def _details(case: Case) -> Iterator[doc.Section]:
     pairs = [(i, k) for i in range(len(names)) for k in range(i)]
     related = ", ".join(f"{names[k]}–{names[i]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = "" if answer.sigma_rho_mm is None else f" σ_ρ = {two_figures(answer.sigma_rho_mm)} mm."
-    yield doc.Section(
-        parameters_title(case),
-        parameters_grid(case),
-        *open_blocks(case),
-        f"Correlations: {related}.{sigma}",
-    )
+    yield parameters_section(case, f"Correlations: {related}.{sigma}")
     yield doc.Section(None, promised_figure(case), _residual_words(case))
     yield from evidence(case)
 
@@ -223,17 +193,19 @@ def evidence(case: Case) -> Iterator[doc.Section]:
     answer = case.answer
     if not answer.parameters:
         return
+    undecided = answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
     yield doc.Section(
         "Diagnosis",
         f"{headline(case).rstrip('.')}.",
         doc.Facts([*_fit_facts(case)]),
-        _open_grid(case) if answer.verdict in _OPEN_VERDICTS else None,
+        _open_grid(case) if undecided else None,
         *_sizes(case),
         _rms_grid(case, late=True),
         *map(doc.small, (*_notes(case), *_assumptions(case))),
     )
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
-    yield from budget_sections(case.machine, answer.budget, answer.total)
+    if answer.total is not None:
+        yield budget_section(case.machine, answer.budget, answer.total)
 
 
 # --- the decision -----------------------------------------------------------------------------
@@ -305,11 +277,11 @@ def headline(case: Case) -> str:
 def _named(case: Case) -> str:
     """The causes that were found, or the shape that is left, and what looks the same."""
     (first, *others), measured = case.answer.causes, case.given.measured
-    # Of readings of one plane nothing tells what makes their shape.
+    # Readings of one plane do not show what makes their shape.
     flat = isinstance(measured, Readings) and measured.plan.flat
     shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
     titles = [case.title_of(c.id, len(c.parameters)) for c in (first, *others) if c is not shape]
-    # What looks the same, such as a stand that was knocked before the last reading.
+    # Causes that look the same, such as a stand that was knocked before the last reading.
     alike = [(first.id, first.probability)] + [
         (state.ids[0], state.probability)
         for state in case.answer.explanations
@@ -327,11 +299,11 @@ def _shares(answer: Answer) -> str:
     shares = {_name(state): state.probability for state in answer.explanations if state.parameters}
     patterns = {state.pattern: state.probability for state in answer.explanations if state.pattern}
     likeliest = next(map(label_words, patterns), "")
-    shares[f"{_UNLISTED}, such as {likeliest}"] = sum(patterns.values())
+    shares[f"something that is not on the list, such as {likeliest}"] = sum(patterns.values())
     most = 2 if "few_readings" in answer.release.codes else _MOST_LIKELY
     likely = dict(sorted(shares.items(), key=lambda pair: -pair[1])[:most])
     likely["others"] = 1.0 - sum(likely.values())
-    # Of the whole percents that are missing each goes to the largest part that was cut off.
+    # The percents that rounding down takes away go to the largest fractions that it cut off.
     whole = {name: int(100.0 * share) for name, share in likely.items()}
     cut = sorted(likely, key=lambda name: whole[name] - 100.0 * likely[name])
     for name in cut[: 100 - sum(whole.values())]:
@@ -411,17 +383,18 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
 # --- parameters, differences and uncertainty -----------------------------------------------------
 
 
-def parameters_title(case: Case) -> str:
-    """Heading of the table: what it is of, in which unit, and how it is meant."""
+def parameters_section(case: Case, *more: doc.Block | None) -> doc.Section:
+    """The table under what it is of, in which unit, and how it is meant; with more below it."""
     words, named = case.words, case.answer.named
     usable = case.answer.release.usable
     kind = words.title if usable else f"Not to be entered: {words.many}"
     causes = f" with {' and '.join(named)}" if named else ""
     relation = words.relation.replace("true position", "true")
-    return f"{kind}{causes}{case.machine.common_unit} ({relation})"
+    title = f"{kind}{causes}{case.machine.common_unit} ({relation})"
+    return doc.Section(title, _parameters_grid(case), *_open_blocks(case), *more)
 
 
-def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
+def _parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     """Parameters as found, and what to enter only if they may be.
 
     What must not be entered has the digits of its U. `brief`: as a screen has room for it.
@@ -466,7 +439,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     return doc.Grid.of(columns, caption=f"{caption}.", tiles=enter)
 
 
-def open_blocks(case: Case) -> Iterator[str]:
+def _open_blocks(case: Case) -> Iterator[str]:
     """Parameters that these readings do not determine, and sizes taken as stated."""
     names = {parameter.name for parameter in case.answer.parameters}
     for unknown in case.answer.undetermined:
@@ -542,12 +515,10 @@ def _largest_words(case: Case) -> str:
     return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
-def budget_sections(
-    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal | None
-) -> Iterator[doc.Section]:
-    """Each source with its size, and what it adds to each parameter; nothing without a result."""
-    if total is None:
-        return
+def budget_section(
+    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal
+) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter."""
     unit = machine.common_unit
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
@@ -566,20 +537,18 @@ def budget_sections(
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
-    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
+    return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
     """A source in words, and what would reduce it; `possible` if it may be there or not."""
-    words = machine.vocabulary
-    if source in SOURCES:
-        name, remedy = (text.format(words=words) for text in SOURCES[source].values())
-        return name, remedy
-    causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
-    name = " and ".join(cause.title for cause in causes)
-    if possible:
-        return f"possible: {name}", _OPEN.format(words=words)
-    return name, f"{causes[0].advice} {_STATE}"
+    ids = [id for id in source.split(" and ") if id in CAUSES]
+    causes = [cause_words(id, machine, "this place") for id in ids]
+    data = {"words": machine.vocabulary, "causes": causes}
+    data["title"] = " and ".join(cause["title"] for cause in causes)
+    kind = source if not causes else "possible_cause" if possible else "cause"
+    name, remedy = (text.format(**data) for text in SOURCES[kind].values())
+    return name, remedy
 
 
 def _size(line: Contribution) -> str:
@@ -606,11 +575,10 @@ def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator
         if len(sizes) > _MOST_SIZES:
             shown = sorted(sizes, key=lambda size: -abs(size.value) / (size.std or 1.0))
             shown = shown[:_MOST_SHOWN]
-        rows = ((size.name, size.value, size.expanded, size.unit) for size in shown)
         others = len(sizes) - len(shown)
         rest = f" and {counted(others, 'other')}" if others else ""
         gauge = " y_x: y on leg x." * any(size.name == "y_x" for size in shown)
-        yield f"{id}: {sizes_words(rows)}{rest}.{gauge}"
+        yield f"{id}: {sizes_words(shown)}{rest}.{gauge}"
     places = [where] if len(sizes) < 2 else [size.name for size in sizes]
     for place, size in zip_longest(places, sizes) if where else ():
         words = size_words(size.value, size.expanded, size.unit) if size else ""
@@ -695,7 +663,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         elif not cause.recommended:
             yield f"Accepting {cause.id} as part of the machine is not recommended."
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
-            yield f"{cause.id} looks like {', '.join(cause.aliases)}."
+            yield f"{cause.id} cannot be distinguished from {', '.join(cause.aliases)}."
     faults = [fault for fault in answer.unshown if not fault.matters]
     places = [f" ({fault.where})" if fault.where else "" for fault in faults]
     if brief and len(faults) > 1:
@@ -704,7 +672,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         faults = []
     for fault, at in zip(faults, places, strict=False):
         title = f"{case.title_of(fault.id)}{at}"
-        yield f"These readings cannot show whether {title}. How to check: {fault.check}."
+        yield f"These readings cannot show whether {title}. How to check: {case.says(fault.check)}."
     large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
     would = "would explain these readings with"
     large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
@@ -716,9 +684,10 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
     if answer.ruled_out:
         yield f"Ruled out by hand: {listed(answer.ruled_out)}."
-    notes = [note for note in answer.notes if note.code in _BRIEF_NOTES or not brief]
-    notes = [note for note in notes if note not in answer.release.cautions]
-    if not brief:
+    notes = [note for note in answer.notes if note not in answer.release.cautions]
+    if brief:
+        notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
+    else:
         notes += (warning for warning in _warnings(case) if warning.code not in NOZZLE)
     yield from dict.fromkeys(map(case.says, notes))
 
@@ -757,8 +726,7 @@ def _assumptions(case: Case) -> Iterator[str]:
 def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     """The method, whether the parameters alone explain the data, the noise, and several causes."""
     answer, words, noise, lack = case.answer, case.words, case.answer.noise, case.answer.lack_of_fit
-    method = Method(answer.method or "")
-    yield "Solved by", f"{method} ({_METHODS[method]})"
+    yield "Solved by", f"{answer.method} ({METHODS[answer.method or '']})"
     if noise is None or lack is None:
         return
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"

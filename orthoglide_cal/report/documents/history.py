@@ -9,15 +9,14 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from orthoglide_cal.errors import command
-from orthoglide_cal.inference.trends import Trend
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import LARGEST_OFFSET, sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results.history import History
+from orthoglide_cal.results.history import History, Trend
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     capitalized,
@@ -47,48 +46,43 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
     says = partial(sentence, machine=history.newest)
     steps = doc.step(says(history.next)), doc.step("See the last session", see)
     more = "More: the same with --details, or as a page: --html history.html"
-    notes = [*map(says, history.notes)]
-    return doc.Document(
-        partial(history.model_dump, mode="json", context=says),
-        partial(_page, history, notes, doc.next_steps(steps)),
-        partial(_screen, history, notes, doc.next_steps(steps, more)),
-    )
+    notes, last = [*map(says, history.notes)], len(history.sessions) - 1
+    notice = _notice(history)
 
+    def screen() -> doc.Page:
+        # As many sessions as it has lines for, three at least: the ends, those at changes.
+        around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
+        wanted = [*dict.fromkeys((last, 0, *around, *range(last - 1, 0, -1)))]
+        kept, others = wanted[:3], wanted[3:24]
 
-def _screen(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Page:
-    """As many sessions as a screen has lines for, three at least: the ends, those at changes."""
-    last = len(history.sessions) - 1
-    around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
-    wanted = [*dict.fromkeys((last, 0, *around, *range(last - 1, 0, -1)))]
-    kept, others = wanted[:3], wanted[3:24]
+        def made() -> doc.Page:
+            table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
+            sections, simulated = (table, doc.next_steps(steps, more)), history.simulated
+            return doc.Page("History", notice=notice, sections=sections, simulated=simulated)
+
+        return fitting(made, others)
 
     def page() -> doc.Page:
-        table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
-        notice, simulated = _notice(history), history.simulated
-        return doc.Page("History", notice=notice, sections=(table, steps), simulated=simulated)
+        table = _table(history, {*range(last + 1)})
+        expected = f"The next session is expected to find: {_sizes(history.prediction)} (95 %)."
+        further = doc.Grid(
+            ("further sessions", *(size.name for size in history.pooled)),
+            [(str(count), *map(two_figures, u)) for count, u in history.further.items()],
+            caption="U of the best values after so many further sessions (95 %).",
+        )
+        courses = doc.Section("From session to session", _courses(history))
+        shapes = doc.Section("Residuals of the touches", *_shapes(history))
+        return doc.Page(
+            kind="History",
+            simulated=history.simulated,
+            title=history.machine,
+            notice=notice,
+            sheet=[courses, doc.next_steps(steps)],
+            sections=[shapes, doc.Section("Sessions", table, *notes, expected, further)],
+        )
 
-    return fitting(page, others)
-
-
-def _page(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Page:
-    table = _table(history, {*range(len(history.sessions))})
-    expected = f"The next session is expected to find: {_sizes(history.prediction)} (95 %)."
-    further = doc.Grid(
-        ("further sessions", *(size.name for size in history.pooled)),
-        [(str(count), *map(two_figures, u)) for count, u in history.further.items()],
-        caption="U of the best values after so many further sessions (95 %).",
-    )
-    return doc.Page(
-        kind="History",
-        simulated=history.simulated,
-        title=history.machine,
-        notice=_notice(history),
-        sheet=[doc.Section("From session to session", _courses(history)), steps],
-        sections=[
-            doc.Section("Residuals of the touches", *_shapes(history)),
-            doc.Section("Sessions", table, *notes, expected, further),
-        ],
-    )
+    data = partial(history.model_dump, mode="json", context=says)
+    return doc.Document(data, page, screen)
 
 
 def _notice(history: History) -> doc.Notice:
@@ -133,7 +127,7 @@ def _notice(history: History) -> doc.Notice:
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
-    return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
+    return sizes_words(size.changed(name=f"{size.name}{by}") for size in kept)
 
 
 def _in_a_month(history: History) -> list[Estimate]:

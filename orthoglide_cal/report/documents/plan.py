@@ -13,21 +13,20 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
+    TRACE_SIGMA,
     MeasurementPlan,
     SessionForecast,
 )
-from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import GIVES_UP, MOST_CYCLES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
-from orthoglide_cal.report.sentences import sentence
+from orthoglide_cal.report.documents.answer import budget_section, decision_notice, source_words
+from orthoglide_cal.report.sentences import cause_words, sentence
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import counted, listed, percent, two_figures, unit_words
 
@@ -64,7 +63,7 @@ def plan_document(
     if going_on is not None and not plan.next[0].between and plan.now_mm is not None:
         # Nothing is advised that does not lower U.
         now = float(two_figures(plan.now_mm))
-        lower = (option for option in plan.next if float(two_figures(_worst(option))) < now)
+        lower = (e for e in plan.next if float(two_figures(max(e.expanded_mm.values()))) < now)
         plan = plan.changed(next=tuple(lower))
 
     def screen() -> doc.Page:
@@ -102,7 +101,7 @@ def plan_document(
         if plan.compare and plan.design:
             typed = _command(plan.design, machine_file, begun)
             sections += [_ways(plan), _design(plan.design, typed)]
-        sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
+        sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
             simulated=plan.simulated,
@@ -116,24 +115,18 @@ def plan_document(
     return doc.Document(data, page, screen)
 
 
-def _worst(option: NextMeasurement) -> float:
-    """The largest U of a length that it leaves [mm]."""
-    return max(option.expanded_mm.values())
-
-
 def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Line]:
     """Measure what is best next, or the session."""
     chosen, typed = plan.chosen, partial(_command, machine=machine_file, begun=begun)
-    if begun and begun.answer.release.usable:
-        yield doc.step("See what to enter", begun.typed("solve"))
+    usable = begun is not None and begun.answer.release.usable
+    if begun and (usable or plan.next):
+        if usable:
+            yield doc.step("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
-            further = begun.further(best.session)
-            yield doc.step(f"Or, to reduce U: {sentence(best.what)}", further)
-    elif plan.next and begun:
-        best = plan.next[0]
-        yield doc.step(sentence(best.what), begun.further(best.session))
+            reduce = "Or, to reduce U: " * usable
+            yield doc.step(f"{reduce}{sentence(best.what)}", begun.further(best.session))
     elif begun and begun.answer.release.remedies:
         yield from begun.remedies()
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
@@ -213,8 +206,8 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
     source = floor.largest.source
     source = source if source in CAUSES else source_words(source, plan.model.machine)[0]
     if plan.gauges is None:
-        return f"{source} stays."
-    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({source})."
+        return f"{source} remains."
+    return f"± {two_figures(float(floor.expanded_mm.max()))} mm remains ({source})."
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
@@ -280,7 +273,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
     if brief and not cycles:
         meaning = []
-    # What no layout determines would hide what they do.
+    # A parameter that no layout determines would hide how they differ.
     fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
     if fixed:
         meaning.append(f"No layout determines {' and '.join(fixed)}: U is here without it.")
@@ -322,7 +315,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if rows:
         blocks = [doc.Grid(heads, rows, caption=caption)]
-    unseen = [(id, CAUSES[id].words(plan.model.machine).instrument) for id in plan.invisible]
+    unseen = [(id, cause_words(id, plan.model.machine)["check"]) for id in plan.invisible]
     caption = "At their usual size they hardly change such readings."
     blocks.append(doc.Grid(("not seen", "what would show it"), unseen, (0, 1), caption))
     title = "Which causes can be distinguished"
@@ -361,8 +354,8 @@ def _next_grid(plan: MeasurementPlan, *, chosen: slice | None = None) -> doc.Gri
     rows, words = [], (len(heads) - 1,)
     for number, option in enumerate(plan.next[:_SHOWN_NEXT], 1):
         sure = (percent(option.chance), f"{option.separation_sigma:.1f}") if telling else ()
-        numbers = str(number), f"{option.minutes:.0f}", *sure, two_figures(_worst(option))
-        rows.append((*numbers, sentence(option.what)))
+        u_mm = two_figures(max(option.expanded_mm.values()))
+        rows.append((str(number), f"{option.minutes:.0f}", *sure, u_mm, sentence(option.what)))
     if chosen:
         return doc.Grid(heads, rows[chosen], words)
     if plan.now_mm is not None:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check, Input
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.files.yaml_tree import yaml_text
+from orthoglide_cal.files.tree import yaml_text
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Application, Correction
+from orthoglide_cal.results.application import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
 from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures
 
@@ -94,7 +94,7 @@ def application_document(application: Application) -> doc.Document:
         for name, old in before.items()
     ]
     caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
-    first = "The controller must hold the last column and have been homed with it."
+    first = "The controller must hold the values of the last column and have been homed with them."
     if controller is not None and written is not None:
         head, none = ("line", "what", "now", "from now on"), "(no line)"
         rows = [
@@ -166,7 +166,7 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
-    first = doc.step("Calibrate anew, which the push needs, and probe in the same way.")
+    first = doc.step("Calibrate again, as the push requires, and probe in the same way.")
     if given.model.machine.vocabulary.measure:
         again = measure_again(given)
         first = doc.step("Measure again in the same way.", again)

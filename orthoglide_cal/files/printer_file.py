@@ -1,4 +1,4 @@
-"""Touches of a linear delta's bed: from a CSV, or from what files of its firmware store."""
+"""What files of a linear delta's firmware hold, whichever it is: settings, and stored touches."""
 
 import math
 import re
@@ -11,19 +11,15 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content
-from orthoglide_cal.files.readings import YES, ProbeRow, Rows, Table, check_order, times_of
-from orthoglide_cal.files.text import FileText, csv_text
+from orthoglide_cal.files.readings import BEYOND
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.tree import Content
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
-from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.words import counted
 
-PLACE_COLUMNS = ("x_mm", "y_mm")
-# A place farther out than so many radii of the bed is not on it.
-BEYOND = 1.2
 # A printer that was calibrated knows its heights to tenths, a calliper is read to hundredths: what
 # is farther off was not stored with the settings that are in force now.
 _FAR_MM = 10.0
@@ -35,67 +31,6 @@ USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
 REPEATABILITY_MM = 0.012
 LARGEST_MM = 10_000.0
 Texts = Mapping[int, Sequence[str]]  # line → cells of a row
-
-
-def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
-    """The touches of a CSV. Raises InputError with everything that is wrong."""
-    table.check_header(ProbeRow)
-    table.check()
-    if table.rows and not any("reading_mm" in cells for cells in table.rows):
-        # The empty cells are no faults of their own.
-        remedy = "Probe the places in this order, and write the height at which the probe triggers."
-        table.note((0, "reading_mm"), "No reading was filled in.", remedy)
-        table.check()
-    away, high = 2.0 * bed.radius_mm, bed.highest_mm
-    longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
-    checking = Rows(table, ProbeRow, longest=longest)
-    checking.check_complete(("seq", "minutes"))
-    check_order(checking)
-    for index, row in checking.sound:
-        apart = math.hypot(row.x_mm, row.y_mm)
-        if apart > BEYOND * bed.radius_mm:
-            fault = f"The place is {apart:.0f} mm from the middle of the bed."
-            remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
-            checking.note(index, "x_mm", fault, remedy)
-    rows, remarks = checking.checked(), [*checking.remarks]
-    in_time, minutes, timed = times_of(rows)
-    if not timed and rows[0].minutes is not None:
-        remarks.append(Reason.of("equal_minutes"))
-    place = np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows])
-    surface = np.array([row.z_mm or 0.0 for row in rows])
-    return Readings(
-        touching(place, surface, np.argsort(in_time), minutes if timed else None),
-        place[:, 2] - surface,
-        np.array([checking.line(index) for index in range(len(rows))]),
-        timed,
-        checking.source,
-        cycle=np.array([row.cycle or 1 for row in rows]),
-        note=tuple(row.note or "" for row in rows),
-        remarks=tuple(remarks),
-    )
-
-
-def places_csv(plan: Plan) -> str:
-    """The touches of a plan as a file to be filled in: their places, and no reading yet."""
-    places = plan.spots[plan.touches].tolist()
-    rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
-    return csv_text((*PLACE_COLUMNS, "z_mm", "reading_mm"), rows)
-
-
-def probe_points_csv(readings: Readings) -> str:
-    """Touches as a CSV that can be read again."""
-    plan, mark = readings.plan, ("simulated",) * readings.source.simulated
-    surface = [plan.entry(index)["surface_mm"] for index in range(len(plan))]
-    columns = (plan.order + 1, 60.0 * plan.hours, *plan.spots.T[:2], surface, readings.value)
-    rows = (
-        (f"{seq:g}", f"{minutes:.2f}", f"{x:g}", f"{y:g}", f"{z:g}", f"{value + z:.6f}")
-        for seq, minutes, x, y, z, value in np.column_stack(columns).tolist()
-    )
-    head = ("seq", "minutes", *PLACE_COLUMNS, "z_mm", "reading_mm", *mark)
-    return csv_text(head, ((*row, *(YES for _ in mark)) for row in rows))
-
-
-# --- files of a firmware, whichever it is ---------------------------------------------------------
 
 
 def stored_mesh(
@@ -136,7 +71,7 @@ def heights_in(
         for place, cell in enumerate(cells):
             with faults.noting(line, column, cell.strip()):
                 if not re.fullmatch(unprobed, cell.strip()):
-                    heights[row, place] = within(cell, -LARGEST_MM)
+                    heights[row, place] = within(cell)
     return heights
 
 
@@ -180,6 +115,54 @@ class PrinterFile(ReadOnly):
         stated = not math.isnan(self.machine.bed_radius_mm)
         return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
+    def known_as(self, known: LinearDelta) -> tuple[LinearDelta, tuple[Reason, ...]]:
+        """A known machine with the parameters in force in its firmware, and a remark on its arms.
+
+        The firmware reckons with its own arms: how far they are from those that are known is part
+        of how far they can be from the real ones. Raises UsageError: not one machine.
+        """
+        in_force = (*known.geometry_keys, "bed_radius_mm")
+        machine = known.changed(**{key: getattr(self.machine, key) for key in in_force})
+        known.check_same(machine)
+        arms = np.array((known.arm_length_mm, machine.arm_length_mm))
+        apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[ARMS].size(known)
+        if apart <= size:
+            return machine, ()
+        stated, used = arms.tolist()
+        remark = Reason.of("arms_differ", stated=stated, used=used, apart_mm=apart)
+        sizes = {**known.tolerances, ARMS: round(math.hypot(size, apart), 3)}
+        return machine.changed(tolerances=sizes), (remark,)
+
+    def readings(self, stored: str | None, machine: LinearDelta) -> Readings:
+        """Readings that a printer.cfg stores, at places meant by the parameters of a machine.
+
+        `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
+        InputError: it does not store that.
+        """
+        chosen = stored or next(iter(self.data), "")
+        if chosen not in self.data:
+            fault, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
+            if not self.data:
+                fault, remedy = "The file stores neither probed heights nor a mesh.", "Run"
+            again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
+            probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
+            raise InputError(fault, f"{remedy} {probing[self.firmware]}.", file=self.source.path)
+        readings, mesh = self.data[chosen], chosen == "mesh"
+        _check_stored(readings, machine, reckoned=self.firmware == "klipper" and not mesh)
+        touches = readings.plan.touches
+        n = int(touches.sum())
+        words = f"{n} points of a mesh" if mesh else counted(n, "height")
+        if n < len(touches):
+            words += f" and {counted(len(touches) - n, 'distance')}"
+        ratio = machine.probe.noise_mm / machine.probe.calliper_mm
+        excerpt = Excerpt(chosen, words, self.firmware, self.unknown, "" if mesh else self.steps)
+        return replace(
+            readings,
+            plan=replace(readings.plan, precision=np.where(touches, 1.0, ratio)),
+            source=replace(self.source, excerpt=excerpt),
+            remarks=(*self.remarks, *readings.remarks),
+        )
+
 
 def delta_of(document: FileText, bed: float) -> LinearDelta:
     """A machine with the name of its file, and what is usual where no firmware states it.
@@ -197,62 +180,12 @@ def delta_of(document: FileText, bed: float) -> LinearDelta:
     )
 
 
-def within(text: str, low: float, high: float = LARGEST_MM) -> float:
+def within(text: str, low: float = -LARGEST_MM, high: float = LARGEST_MM) -> float:
     """The number that a text writes, between the two. Raises InputError without a place."""
     value = parse_number(text)
     if not low < value < high:
         raise InputError(f"The number is outside {low:g} … {high:g}.", "Check it.", value=text)
     return value
-
-
-def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, tuple[Reason, ...]]:
-    """A known machine with the parameters in force in its firmware, and a remark on its arms.
-
-    The firmware reckons with its own arms: how far they are from those that are known is part of
-    how far they can be from the real ones. Raises UsageError: the two are not of one machine.
-    """
-    in_force = (*known.geometry_keys, "bed_radius_mm")
-    machine = known.changed(**{key: getattr(file.machine, key) for key in in_force})
-    known.check_same(machine)
-    arms = np.array((known.arm_length_mm, machine.arm_length_mm))
-    apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[ARMS].size(known)
-    if apart <= size:
-        return machine, ()
-    stated, used = arms.tolist()
-    remark = Reason.of("arms_differ", stated=stated, used=used, apart_mm=apart)
-    sizes = {**known.tolerances, ARMS: round(math.hypot(size, apart), 3)}
-    return machine.changed(tolerances=sizes), (remark,)
-
-
-def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta) -> Readings:
-    """Readings that a printer.cfg stores, at places meant by the parameters of a machine.
-
-    `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
-    InputError: it does not store that.
-    """
-    chosen = stored or next(iter(file.data), "")
-    if chosen not in file.data:
-        fault, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
-        if not file.data:
-            fault, remedy = "The file stores neither probed heights nor a mesh.", "Run"
-        again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
-        probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
-        raise InputError(fault, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
-    readings, mesh = file.data[chosen], chosen == "mesh"
-    _check_stored(readings, machine, reckoned=file.firmware == "klipper" and not mesh)
-    touches = readings.plan.touches
-    n = int(touches.sum())
-    words = f"{n} points of a mesh" if mesh else counted(n, "height")
-    if n < len(touches):
-        words += f" and {counted(len(touches) - n, 'distance')}"
-    ratio = machine.probe.noise_mm / machine.probe.calliper_mm
-    excerpt = Excerpt(chosen, words, file.firmware, file.unknown, "" if mesh else file.steps)
-    return replace(
-        readings,
-        plan=replace(readings.plan, precision=np.where(touches, 1.0, ratio)),
-        source=replace(file.source, excerpt=excerpt),
-        remarks=(*file.remarks, *readings.remarks),
-    )
 
 
 def _check_stored(readings: Readings, machine: LinearDelta, *, reckoned: bool) -> None:

@@ -1,16 +1,23 @@
-"""Everything that is wrong with one file, each fault with its place; pydantic's errors in words."""
+"""Content of a file as a tree with the line of each node; YAML to one; and all that is wrong in it.
 
+Each fault has its place, and pydantic's errors are in words. Scalars stay text (None for null):
+what is a number is decided by the schema that wants one, not by YAML's guesses (`1e-3` a text,
+`012` ten, `1:30` ninety, `on` true).
+"""
+
+import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
-from itertools import chain
+from itertools import chain, count
 from typing import Any, get_args, get_type_hints
 
+import yaml
 from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.text import CONTROL, FileText, check_size
 from orthoglide_cal.schema import Reason, parse_number, yaml_number
 
 Steps = tuple[str | int, ...]
@@ -203,3 +210,114 @@ def _fields(annotation: object) -> dict[str, object]:
         return get_type_hints(annotation)
     parts = (_fields(part).items() for part in get_args(annotation))
     return dict(chain.from_iterable(parts))
+
+
+# --- YAML ---------------------------------------------------------------------------------------
+
+YAML_LIMIT = 5_000_000  # bytes; a session of an hour has 20,000
+_DEPTH = 20
+_TOO_DEEP = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
+_NODES = 60_000  # 2,500 readings with every field; read in half a second
+_NULLS = ("", "~", "null", "Null", "NULL")
+
+
+def load_tree(file: FileText) -> Content:
+    """Parse a file without resolving anything.
+
+    Work and memory are bounded by the size limit: aliases, anchors and tags are refused, as are
+    more than 20 levels or 60,000 nodes, before what follows them is looked at. Raises InputError:
+    not YAML, or something refused, with its line.
+    """
+    check_size(len(file.data), file.path, YAML_LIMIT)
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    events: Iterator[Any] = yaml.parse(file.text, Loader=loader)
+    tree, nodes, documents = Content(file), count(1), 0
+
+    def check(event: yaml.NodeEvent, path: Steps, line: int) -> None:
+        tag, text = getattr(event, "tag", None), getattr(event, "value", "")
+        refused = (
+            (event.anchor, "Anchors and aliases are not accepted.", "Write the value out."),
+            (tag != "!" and tag, "Tags are not accepted.", "Remove the tag."),
+            (CONTROL.search(text) and text, "The text holds a control character.", "Remove it."),
+            (next(nodes) > _NODES, f"More than {_NODES} values.", "Give a smaller file."),
+            (len(path) > _DEPTH, *_TOO_DEEP),
+        )
+        for wrong, fault, remedy in refused:
+            if wrong:
+                value, column = wrong if isinstance(wrong, str) else None, dotted(path) or None
+                raise InputError(
+                    fault, remedy, file=file.path, line=line, column=column, value=value
+                )
+
+    def read(event: yaml.NodeEvent, path: Steps, line: int) -> object:
+        """The value of the node that begins with an event."""
+        check(event, path, line)
+        tree.lines[path] = line
+        if isinstance(event, yaml.ScalarEvent):
+            return None if not event.style and event.value in _NULLS else event.value
+        items: list[object] = []
+        group: dict[str, object] = {}
+        for inner in events:
+            line = inner.start_mark.line + 1
+            if isinstance(inner, yaml.CollectionEndEvent):
+                break
+            if isinstance(event, yaml.SequenceStartEvent):
+                items.append(read(inner, (*path, len(items)), line))
+                continue
+            check(inner, path, line)
+            if not isinstance(inner, yaml.ScalarEvent) or (
+                not inner.style and inner.value in _NULLS
+            ):
+                fault, remedy = "A key must be a word.", "Write `name: value`."
+                raise InputError(fault, remedy, file=file.path, line=line)
+            key = (*path, inner.value)
+            first, value = tree.lines.get(key), read(next(events), key, line)
+            if inner.value in group:
+                fault = f"The key is given twice (first in line {first})."
+                text = value if isinstance(value, str) else None
+                tree.add(fault, "Remove one of them.", line, dotted(key), text)
+            group.setdefault(inner.value, value)
+        return items if isinstance(event, yaml.SequenceStartEvent) else group
+
+    try:
+        for event in events:
+            line = event.start_mark.line + 1
+            documents += isinstance(event, yaml.DocumentStartEvent)
+            if documents > 1:
+                fault = "The file holds several documents."
+                raise InputError(fault, "Remove the `---`.", file=file.path, line=line)
+            if isinstance(event, yaml.NodeEvent):
+                tree.value = read(event, (), line)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+        problem = getattr(error, "problem", None)
+        remedy = "Check indentation, colons and quotes."
+        if problem is None:
+            problem, remedy = "a character is not allowed", "Save it as plain UTF-8 text."
+        line = mark.line + 1 if mark else None
+        blanks = "".join(file.text.splitlines()[line - 1 : line]) if line else ""
+        if "\t" in blanks[: len(blanks) - len(blanks.lstrip())]:
+            problem, remedy = "a tab in the indentation", "Indent with spaces, not tabs."
+        fault = f"This is not valid YAML: {problem}."
+        if "nesting depth" in problem:  # a limit of the parser, which looks ahead
+            fault, remedy = _TOO_DEEP
+        raise InputError(fault, remedy, file=file.path, line=line) from error
+    return tree
+
+
+def yaml_text(value: object, width: int = 1000) -> str:
+    """YAML of plain values, in the order given, as `load_tree` reads it back.
+
+    Groups of numbers go on in the next line behind `width` characters.
+    """
+    # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
+    apart = json.loads(json.dumps(value))
+    written: str = yaml.dump(
+        apart,
+        Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper),
+        default_flow_style=None,
+        sort_keys=False,
+        allow_unicode=True,
+        width=width,
+    )
+    return written

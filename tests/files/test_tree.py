@@ -6,7 +6,8 @@ import pytest
 import yaml
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
+from orthoglide_cal.files.machine_file import edited
+from orthoglide_cal.files.tree import load_tree, yaml_text
 
 from .helpers import PROTOTYPE, document
 
@@ -134,6 +135,7 @@ def test_an_item_comes_last_and_goes_again(text: str) -> None:
     items = yaml.safe_load(text)["h"]
     new = edited(text, {("h", len(items)): {"x": 1, "y": [1, 2], "z": {"b": [{"c": 1}]}}}, " # no")
     assert yaml.safe_load(new)["h"][:-1] == items
+    assert "\r" not in text or new.count("\r\n") == new.count("\n")
     assert yaml.safe_load(new)["h"][-1]["z"] == {"b": [{"c": 1}]}
     assert edited(new, {("h", len(items)): None}) == text
 

@@ -1,16 +1,30 @@
-"""Linux, macOS and the like."""
+"""What differs between operating systems: a terminal that hands over each key at once and shows
+none, and the lock of a file."""
 
 import codecs
-import fcntl
 import os
 import select
 import signal
-import termios
+import sys
+import time
 from contextlib import suppress
+from importlib import import_module
+
+WINDOWS = sys.platform == "win32"
+if sys.platform != "win32":
+    import fcntl
+    import termios
+
+_LOOK_S = 0.01  # how often the console is asked for a pressed key [s]; it cannot wait for one
+# Windows keeps others from reading locked bytes: lock one far behind the end of any journal.
+_LOCKED_BYTE = 1 << 30
+# An arrow or function key is announced by one of these; its code follows at once.
+_PREFIXES = "\x00\xe0"
+_INTERRUPT = "\x03"  # Ctrl-C
 
 
 class PosixTerminal:
-    """A terminal that hands over each key at once (not canonical) and shows none (no echo)."""
+    """On Linux, macOS and the like: not canonical, no echo."""
 
     def __init__(self, descriptor: int) -> None:
         self._input = descriptor
@@ -78,9 +92,57 @@ class PosixTerminal:
         self._give_back(termios.TCSAFLUSH)
 
 
-Terminal = PosixTerminal
+class WindowsTerminal:
+    """The console of Windows, by its C library."""
+
+    def __init__(self, descriptor: int) -> None:
+        """A program has one console only, whatever the descriptor."""
+        self._console = import_module("msvcrt")
+
+    def read(self, timeout_s: float) -> str:
+        """Keys pressed since the last call; "" after the time-out. Raises KeyboardInterrupt."""
+        until = time.monotonic() + timeout_s
+        while not self._console.kbhit():
+            if time.monotonic() >= until:
+                return ""
+            time.sleep(_LOOK_S)
+        keys = ""
+        while self._console.kbhit():
+            key = self._console.getwch()
+            if key in _PREFIXES and self._console.kbhit():
+                self._console.getwch()
+            elif key == _INTERRUPT:
+                raise KeyboardInterrupt
+            else:
+                keys += key
+        return keys
+
+    def disturbed(self) -> bool:
+        """False: no program is stopped in it."""
+        return False
+
+    def close(self) -> None:
+        """The console's mode was never changed; what was typed for nobody is dropped."""
+        while self._console.kbhit():
+            self._console.getwch()
+
+
+Terminal = PosixTerminal | WindowsTerminal
+
+
+def terminal(descriptor: int) -> Terminal:
+    """The terminal of this system, from now on; `close` leaves it as it was."""
+    return WindowsTerminal(descriptor) if WINDOWS else PosixTerminal(descriptor)
 
 
 def lock(descriptor: int) -> None:
     """Lock a file until it is closed or the process ends, however. Raises OSError if it is."""
-    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    if not WINDOWS:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return
+    msvcrt, place = import_module("msvcrt"), os.lseek(descriptor, 0, os.SEEK_CUR)
+    os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    finally:
+        os.lseek(descriptor, place, os.SEEK_SET)

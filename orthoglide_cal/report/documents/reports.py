@@ -1,0 +1,637 @@
+"""The numbered reports, with lines to sign on: of a calibration, and of its verification.
+
+The first sheet is what is pinned to the machine. Of a calibration: may the parameters be entered,
+the parameters with U, each difference as found and as left, what to do, under which conditions that
+holds. Of a result that is refused it says what is wrong, and nothing to sign for an adjustment.
+Behind it stands what that rests on. Of a verification: predicted against measured, and how the
+machine responded; a calibration report shows the same once the adjustment was measured.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from datetime import datetime
+from functools import partial
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.inference.result import Parameter, Verdict
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.readings import AXES
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import INVALIDATING, Case, input_words, position_words, sizes_words
+from orthoglide_cal.report.documents.answer import (
+    cause_sizes,
+    decision_notice,
+    evidence,
+    parameters_section,
+    promised_figure,
+    steps_section,
+    to_do,
+)
+from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
+from orthoglide_cal.report.terminal import fitting
+from orthoglide_cal.results.answer import Answer, Identity, InputFile, Validity
+from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
+from orthoglide_cal.schema import Reason
+from orthoglide_cal.words import (
+    MM_PER_INCH,
+    capitalized,
+    difference_decimals,
+    entered_decimals,
+    moment_words,
+    plain,
+    short,
+    signed,
+    two_figures,
+    with_uncertainty,
+)
+
+# Fields of its reports that the owner of a machine fills in: who and which; how, with what.
+_OWNER = ("organisation", "address", "place", "customer", "serial_number")
+_MEANS = ("method", "traceability", "authorised_by", "gauge_due")
+_MOST_NOTES = 40
+
+
+def calibration_document(
+    case: Case,
+    identity: Identity,
+    left: Verification | None = None,
+    limit_mm: float | None = None,
+    after: Case | None = None,
+) -> doc.Document:
+    """The calibration report; as data the answer, and what only a report says.
+
+    Args:
+        case, identity: the result and its number.
+        left, after: comparison with the session measured after the adjustment, and its result;
+            None without one.
+        limit_mm: largest deviation allowed; None where none is given.
+    """
+    given, answer = case.given.conditions, case.answer
+
+    def data() -> dict[str, object]:
+        return {
+            "schema_version": answer.schema_version,
+            "simulated": answer.simulated,
+            "identity": identity.model_dump(mode="json"),
+            "machine": machine_values(case.given.model),
+            "conditions": {
+                **{name: value for name, value in given if name != "schema_version"},
+                "environment": dict(given.environment),
+                "gauges": [gauge.model_dump(mode="json") for gauge in answer.validity.gauges],
+                "notes": [{"line": line, "note": note} for line, note in given.notes],
+            },
+            "limit_mm": limit_mm,
+            "answer": case.data(),
+            "after": left.model_dump(mode="json", context=case.says) if left else None,
+            "as_left": after.data() if after else None,
+            "others": [other.data() for other in case.others],
+        }
+
+    def page() -> doc.Page:
+        machine, released = case.machine, answer.release.usable or left is not None
+        frame = _signed_page("Calibration report", machine, identity, left or answer)
+        causes, rivals = _causes(case), [*_rivals(case)]
+        if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
+            causes.append(rivals.pop(0))
+        parameters = parameters_section(case, promised_figure(case, limit_mm))
+        pages = [*map(_other, case.others)]
+        if left is not None:
+            notice = _verification_notice(left)
+            # Beside each other: the sheet has no room for a section more.
+            measured = _differences_left(left).blocks
+            steps = doc.next_steps(_verification_steps(left), *measured)
+            sheet = [_parameters_left(left), steps]
+        elif released:
+            notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
+        else:
+            notice, sheet = _notice(case), [*causes, steps_section(case, to_do(case))]
+            pages += [*rivals, parameters]
+        sheet += frame.sheet
+        both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
+        for one, when in both:
+            sections = *evidence(one), _conditions(one)
+            pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
+        pages += [*_workspace(case, after, limit_mm), _origin(case, left)]
+        for one, when in both:
+            if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
+                pages.append(doc.Section(f"Appendix: readings{when}", figures.readings_table(one)))
+        if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
+            sheet, pages = [*sheet, *pages], []
+        authorised = machine.report.authorised_by
+        roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
+        return replace(
+            frame,
+            notice=notice,
+            sheet=sheet,
+            sections=pages,
+            signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
+        )
+
+    return doc.Document(data, page)
+
+
+# --- the first sheet --------------------------------------------------------------------------
+
+
+def _notice(case: Case) -> doc.Notice:
+    """The verdict, with what to know before relying on it; of a refused result what is wrong."""
+    release = case.answer.release
+    notice = decision_notice(case, diagnosed=release.sound and not release.usable)
+    known = [*release.reasons, *release.cautions]
+    papers = (e for e in case.answer.validity.reservations if e.code not in INVALIDATING)
+    doubts = (doc.doubtful(case.says(e)) for e in papers if e not in known)
+    return replace(notice, lines=(*notice.lines, *doubts))
+
+
+def _causes(case: Case) -> list[doc.Section]:
+    """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
+    sections = list[doc.Section]()
+    answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
+    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
+    for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
+        title = f"{case.title_of(cause.id)} ({cause.id})"
+        blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
+        if figures.moves_rails(cause.id) and answer.shims:
+            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+            above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
+            blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
+        if (remedy := case.says(cause.remedy)).rstrip(".") not in advised:
+            blocks.append(f"{'If so: ' * undecided}{remedy}")
+        title = f"Possible: {title}" if undecided else capitalized(title)
+        drawn = figures.cause_figure(case, cause)
+        if sections and not drawn:  # beside the map that shows what all of them do
+            sections[-1].blocks += (doc.strong(title), *blocks)
+        else:
+            sections.append(doc.Section(title, *blocks, drawn))
+    return sections
+
+
+def _rivals(case: Case) -> Iterator[doc.Section]:
+    """Causes not distinguished from the likeliest answer; its likeliest rival is drawn."""
+    words = {id: cause_words(id, case.machine) for id in case.answer.ambiguous_with}
+    rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
+    for id, sizes in next(rivals, {}).items():
+        if id in words and (sketch := figures.cause_sketch(case, id, sizes)):
+            cause = words.pop(id)
+            text = f"How to check: {cause['check']}. If so: {cause['advice']}"
+            yield doc.Section(f"Or: {cause['title']} ({id})", *cause_sizes(id, sizes), text, sketch)
+    lines = (f"{e['title']} ({id}). How to check: {e['check']}." for id, e in words.items())
+    yield doc.Section("Also possible", *map(capitalized, lines))
+
+
+def _other(case: Case) -> doc.Section:
+    """Other data of the same file: their verdict and residuals."""
+    blocks: list[doc.Block] = [decision_notice(case)]
+    if rms := case.answer.rms:
+        before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
+        blocks.append(f"{before} mm r.m.s. as found, {after} if entered.")
+    again = doc.step("See its report.", case.typed("report"))
+    title = f"Also judged: {input_words(case.given)}"
+    return doc.Section(title, *blocks, doc.Instructions([again]))
+
+
+# --- the evidence -----------------------------------------------------------------------------
+
+
+def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterator[doc.Section]:
+    """Tool-position error in slices of the workspace, as found and afterwards."""
+    before, after = case.answer.workspace, later.answer.workspace if later else None
+    if before is None or before.maps is None:
+        return
+    views = [("as found", before.maps[0], before.before_mm, before.worst_before_mm)]
+    if after and after.maps:
+        views.append(("as left", after.maps[0], after.before_mm, after.worst_before_mm))
+    else:
+        views.append(("expected", before.maps[1], before.after_mm, before.worst_after_mm))
+    lead = [
+        f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
+        for when, _, mm, worst in views
+    ]
+    if after is None:
+        source = "All of that comes from uncertainty."
+        if causes := " and ".join(cause.id for cause in case.known):
+            source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
+            source += " which offsets do not remove."
+        lead.append(source)
+        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
+            lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
+    low, high = (plain(edge, 0) for edge in before.cube_mm)
+    key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
+    key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
+    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm, limit_mm)], key=key)
+    yield doc.Section("Tool-position error over the workspace", " ".join(lead), maps)
+
+
+# --- conditions and origin --------------------------------------------------------------------
+
+
+def _conditions(case: Case) -> doc.Section:
+    """Conditions of the measurement, and places of the gauges; blank where not given."""
+    given, machine, answer = case.given.conditions, case.machine, case.answer
+    gauge, noise = machine.instrument, machine.vocabulary.noise
+    rows: list[tuple[str, doc.Blank]] = [
+        ("Protocol", given.protocol and doc.given(given.protocol)),
+        ("Started", _moment(given.started)),
+        ("Finished", _moment(given.finished)),
+    ]
+    for name, text in given.environment.items():
+        if "temperature" not in name:  # they stand under the verdict
+            rows.append((name.replace("_", " "), doc.given(text)))
+    if case.given.is_session:
+        rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
+    # Blanks are for those who write down how it was.
+    rows = [row for row in rows if row[1] is not None or machine.noted]
+    sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
+    sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
+    rows.append((noise.capitalize(), sizes))
+    places = {
+        (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
+        for row in answer.residuals
+        if row.leg and row.direction and row.gauge_at is not None
+    }
+    drawn, notes = None, given.notes[:_MOST_NOTES] if answer.parameters else ()
+    if places:
+        sketch = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
+        key = "○ dial: its reading grows when the leg moves towards it."
+        drawn = doc.Figure([sketch], 0, key, "Where the gauges stood")
+    rows_of_notes = [(str(line), doc.given(note)) for line, note in notes]
+    grid = doc.Grid(("line", "note"), rows_of_notes, (0, 1), "Notes at readings.")
+    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), drawn, grid)
+
+
+def _origin(case: Case, left: Verification | None) -> doc.Section:
+    """The inputs, and the machine that they are judged by."""
+    model, machine = case.given.model, case.machine
+    rows: list[tuple[str, doc.Blank]] = [*_stated(machine, _MEANS)]
+    if machine.report.traceability is None:
+        rows.append(("Traceability", None))
+    rows += _inputs(left.inputs if left else [case.given])
+    rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
+    if model.accepted:
+        rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
+    return doc.Section("Traceability", doc.Facts(rows))
+
+
+# --- verification -------------------------------------------------------------------------------
+
+
+def verification_document(result: Verification, identity: Identity) -> doc.Document:
+    """The document, for any of the renderers."""
+
+    def data() -> dict[str, object]:
+        issued = identity.issued.isoformat(timespec="seconds")
+        values = result.model_dump(mode="json", context=_says(result))
+        return {**values, "number": identity.number, "issued": issued}
+
+    def screen() -> doc.Page:
+        parameters = f"Left: {sizes_words(result.after.parameters)}."
+        before, after = map(input_words, result.inputs)
+        both = f"{before} before and after" if before == after else f"{before} and {after}"
+        notice = replace(_verification_notice(result), aside=f"{result.machine}, {both}")
+        # Their title says what the notice above does.
+        figure = _left_figure(result)
+        differences = [*figure.plain[1:]] if figure else []
+        steps = _verification_steps(result, brief=True)
+        last = doc.next_steps(steps, "More: the same with --details")
+
+        def made() -> doc.Page:
+            sections = doc.Section(None, *differences), doc.Section(None, parameters), last
+            simulated = result.simulated
+            return doc.Page("Verification", simulated=simulated, notice=notice, sections=sections)
+
+        return fitting(made, differences)
+
+    def page() -> doc.Page:
+        frame = _signed_page(
+            "Verification report", result.inputs[1].model.machine, identity, result
+        )
+        return replace(
+            frame,
+            title=result.machine,
+            notice=_verification_notice(result),
+            sheet=(_parameters_left(result), _differences_left(result), *frame.sheet),
+            sections=(
+                doc.Section("How the machine responded", *_response(result)),
+                doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
+            ),
+            signatures=("Measured by", "Checked by"),
+        )
+
+    return doc.Document(data, page, screen)
+
+
+def _says(result: Verification) -> Callable[[Reason], str]:
+    """Composes the sentence for a reason, in the words of the machine."""
+    return partial(sentence, machine=result.inputs[1].model.machine)
+
+
+def _verification_notice(result: Verification) -> doc.Notice:
+    """The answer in one box."""
+    says, outcome = _says(result), result.decision and result.decision.outcome
+    sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
+    before, promised, after = (_size(result, size) for size in sizes)
+    lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
+    if result.rms_reachable_mm is not None:
+        size = _size(result, result.rms_reachable_mm)
+        lines.append(f"With the parameters found afterwards it would be {size}.")
+    done = []
+    for id, by in result.corrected.items():
+        code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
+        done.append(says(Reason.of(code, id=id, by=by, unit=CAUSES[id].unit)))
+    if done:
+        lines.append(" ".join(done))
+    if result.response and result.answer:
+        lines.append(_answer(result, result.response, result.answer))
+    if result.decision:
+        rows, limit_mm = result.differences, result.decision.limit_mm
+        largest = max(rows, key=lambda row: abs(row.after_mm))
+        data = {"made": result.decision, "largest": largest, "after_mm": abs(largest.after_mm)}
+        lines.append(says(Reason.of("limit_judged", **data)))
+        if any(row.after_expanded_mm > limit_mm for row in rows):
+            lines[-1] = " ".join((lines[-1], says(Reason.of("limit_below_u"))))
+    if result.remains:
+        lines.append(says(result.remains))
+    tone = doc.Tone.GOOD if result.kept else doc.Tone.BAD
+    unsure = bool(result.reservations)
+    if result.moved:
+        title = "The machine has moved: nothing was entered, and the touches agree worse"
+        lines.append("Look for a part that was hit or came loose; then calibrate and probe again.")
+    elif not result.differences:
+        better, came = result.rms_after_mm < result.rms_before_mm, "as predicted"
+        if not result.kept:
+            u = plain(1000.0 * (result.rms_expanded_mm or 0.0), 0)
+            came = f"{'but' if better else 'and'} not as predicted"
+            came += f" ({after} instead of {promised.removesuffix(' µm')} ± {u} µm)"
+        title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
+    elif not result.kept:
+        title = "The correction did not work as predicted"
+        if result.answer is Behaviour.AS_MODELLED:
+            title = "The offsets act as entered, but the machine is not as predicted"
+    elif outcome is Outcome.FAIL:
+        tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
+    else:
+        title = "The correction worked as predicted"
+        changed = result.other_change is not None and result.other_change.found
+        unsure = unsure or changed or outcome is Outcome.UNDECIDED
+    if unsure and tone is doc.Tone.GOOD:
+        tone, title = doc.Tone.WARN, f"{title}, with a reservation"
+    known = [*result.reservations]
+    for reservation in result.reservations:
+        of = reservation.data.get("reason")
+        if tone is not doc.Tone.BAD and isinstance(of, Reason) and of.code in INVALIDATING:
+            title, lines = says(reservation).rstrip("."), [f"{title}.", *lines]
+            known.remove(reservation)
+            break
+    return doc.Notice(tone, title, (*lines, *(doc.doubtful(says(doubt)) for doubt in known)))
+
+
+def _size(result: Verification, size_mm: float) -> str:
+    """An r.m.s. with its unit."""
+    if result.differences:
+        raw = result.before.kind == result.after.kind == DataKind.READINGS
+        return f"{plain(size_mm, difference_decimals(raw))} mm"
+    return f"{plain(1000.0 * size_mm, 0)} µm"
+
+
+def _verification_steps(result: Verification, *, brief: bool = False) -> Iterator[doc.Line]:
+    """Next steps after the adjustment was measured.
+
+    `brief` is for a screen, which says the answer above and is no report.
+    """
+    before, after = result.before.path, result.after.path
+    machine_file = result.inputs[0].machine_file
+    outcome = result.decision and result.decision.outcome
+    if not result.kept:
+        if any(reason.code == "order_as_given" for reason in result.reservations):
+            typed = command("verify", after, before, machine=machine_file)
+            if not brief:
+                typed = command("report", after, machine=machine_file, after=before)
+            yield doc.step(f"If {after} was measured first", typed)
+        if result.answer is Behaviour.AS_MODELLED:
+            typed = command("diagnose", after, machine=machine_file)
+            yield doc.step("Find what else changed, or what was wrong before", typed)
+        elif remedy := _remedy(result):
+            yield remedy
+        yield "Measure again, and compare again"
+    elif outcome is Outcome.FAIL:
+        typed = command("diagnose", after, machine=machine_file)
+        text = "The offsets are right, but a deviation is beyond the limit: find its cause"
+        yield doc.step(text, typed)
+    else:
+        if outcome is Outcome.UNDECIDED:
+            again = command("measure", machine=machine_file, options="--cycles 10")
+            yield doc.step("To decide by the limit, lower U: measure more cycles", again)
+        if brief and result.differences:
+            limit = result.decision and result.decision.limit_mm
+            write = command("report", before, machine=machine_file, after=after, limit=limit)
+            yield doc.step("Write the report, and keep it with the machine", write)
+        elif outcome is not Outcome.UNDECIDED:
+            yield f"Nothing more to do{': keep this report with the machine' * (not brief)}."
+
+
+def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
+    """Response of the machine, in one sentence."""
+    apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
+    differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
+    known = any(result.entered.values())
+    acted_as = [signed(by, _decimals(result)) for by in (result.acted_as_mm or {}).values()]
+    moves = [
+        f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
+        for axis, row in result.axes.items()
+        if row.otherwise
+    ]
+    return RESPONSES[answer]["answer"].format(
+        size=f"moved by {_interval(response)} times what was {'entered' if known else 'corrected'}",
+        differ="" if result.kept else differ,
+        acted_as=" ".join(acted_as),
+        moves="; ".join(moves),
+    )
+
+
+def _remedy(result: Verification) -> str:
+    """Remedy of a response that is wrong; "" for none."""
+    if result.response is None or result.answer is None:
+        return ""
+    texts, gain = RESPONSES[result.answer], result.response.value
+    inches = any(abs(gain / factor - 1.0) < 0.1 for factor in (MM_PER_INCH, 1.0 / MM_PER_INCH))
+    remedy = texts.get("in_inches" if inches else "remedy", texts.get("remedy", ""))
+    wrong = ", ".join(axis.upper() for axis, row in result.axes.items() if row.otherwise)
+    return remedy.format(wrong=wrong)
+
+
+def _interval(coefficient: Coefficient) -> str:
+    """ "1.03 [0.91, 1.14]"."""
+    sizes = coefficient.value, *coefficient.ci95
+    value, low, high = (signed(size, 2).removeprefix("+") for size in sizes)
+    return f"{value} [{low}, {high}]"
+
+
+def _decimals(result: Verification) -> int:
+    """Decimals of joint offsets: those of what was applied, and of what is known of the rest."""
+    left = (row.expanded for row in result.after.parameters)
+    return entered_decimals(left, result.applied_mm.values())
+
+
+def _parameters_left(result: Verification) -> doc.Section:
+    """Each parameter as found, as entered, and what remains of it."""
+    rows, entered = result.before.parameters, result.entered.values()
+    unit, decimals = result.inputs[1].model.machine.common_unit, 4
+    if result.differences:
+        decimals = _decimals(result)
+    active = signed if unit else plain  # lengths and angles of a printer have no sign
+    now = [None if by is None else row.active + by for row, by in zip(rows, entered, strict=True)]
+    columns: dict[str, list[doc.Blank]] = {
+        "": [doc.strong(row.name) for row in rows],
+        **({} if unit else {"unit": [row.unit for row in rows]}),
+        "found ± U": [*map(_known, rows)],
+        "before": [active(row.active, decimals) for row in rows],
+        "entered": ["unknown" if by is None else signed(by, decimals) for by in entered],
+        "now": ["unknown" if new is None else doc.strong(active(new, decimals)) for new in now],
+        "left ± U": [*map(_known, result.after.parameters)],
+    }
+    caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
+    caption += " the second."
+    note = "What was found was entered."
+    if now.count(None) == len(now):
+        note = "The files do not record what was entered. A saved printer.cfg does."
+    elif not any(entered):
+        note = "Nothing was entered."
+    elif other := result.entered_otherwise:
+        note = f"What was entered differs from what was found here: {', '.join(other)}."
+    return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
+
+
+def _known(row: Parameter) -> str | None:
+    return None if row.found is None else with_uncertainty(row.found, row.expanded)
+
+
+def _differences_left(result: Verification) -> doc.Section:
+    """The differences as left, and the rule by which a limit is judged; nothing of heights."""
+    made = result.decision
+    rule = doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
+    return doc.Section("Predicted and measured", rule, _left_figure(result))
+
+
+def _left_figure(result: Verification) -> doc.Figure | None:
+    """The differences as left; None of heights."""
+    every = result.differences
+    if not every:
+        return None
+    rows = [
+        (row.name, row.measured_mm, row.expected_mm, row.after_expanded_mm, row.after_mm)
+        for row in every
+    ]
+    sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
+    limit = result.decision.limit_mm if result.decision else None
+    outcomes = [row.outcome.capitalize() for row in every if row.outcome]
+    return figures.differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
+
+
+def _response(result: Verification) -> Iterator[doc.Block]:
+    """All axes together, each, and what else changed; nothing of heights."""
+    rows, decimals = result.axes.values(), _decimals(result)
+    if result.response:
+        yield (
+            "Response (measured change / entered change), all axes together: ",
+            doc.strong(_interval(result.response)),
+            f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
+        )
+    columns = {
+        "axis": [*result.axes],
+        "applied": [signed(row.applied_mm, decimals) for row in rows],
+        "found": [signed(row.found_mm, decimals) for row in rows],
+        "95 % interval": [" … ".join(signed(end, decimals) for end in row.ci95_mm) for row in rows],
+    }
+    yield doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
+    if change := result.other_change:
+        code = "other_change" if change.found else "no_other_change"
+        yield _says(result)(Reason.of(code, change=change))
+
+
+# --- what both have -------------------------------------------------------------------------------
+
+
+def _signed_page(
+    kind: str, machine: Machine, identity: Identity, of: Answer | Verification
+) -> doc.Page:
+    """The beginning of a numbered page: its subject, and the conditions under which it holds.
+
+    Of simulated readings it is no report.
+    """
+    strip: doc.Block
+    if isinstance(of, Verification):
+        sides = (_circumstances(side, side.validity, machine) for side in (of.before, of.after))
+        strip = doc.Grid(
+            ("conditions", "before", "after"),
+            [(name, value, later) for (name, value), (_, later) in zip(*sides, strict=True)],
+            words=(0, 1, 2),
+            caption=f"{identity.software}; data with the first digits of SHA-256.",
+        )
+    else:
+        rows = _circumstances(of.input, of.validity, machine)
+        named = ((name.capitalize(), value) for name, value in rows)
+        strip = doc.Facts((*named, ("Software", identity.software)))
+    number = ("Number", doc.code(identity.number))
+    issued = ("Issued", moment_words(identity.issued))
+    return doc.Page(
+        kind="Practice report" if of.simulated else kind,
+        title=machine.name,
+        number=identity.number,
+        facts=doc.Facts((*_stated(machine, _OWNER), number, issued)),
+        sheet=[doc.Section(None, strip)],
+        scope="The results relate only to the machine and the instruments named here, as they were"
+        f" when measured, and to the {machine.vocabulary.positions} and conditions stated. The"
+        " report is valid only with all its pages: reproduce it only in full.",
+        simulated=of.simulated,
+    )
+
+
+def _stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
+    """Facts that the owner wrote under these names into the machine's file."""
+    texts = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
+    return tuple((name, doc.given(text)) for name, text in texts.items() if text is not None)
+
+
+def _circumstances(
+    of: InputFile, validity: Validity, machine: Machine
+) -> list[tuple[str, doc.Blank]]:
+    """When a measurement was, what is noted at such a machine, and the data."""
+    gauges: list[doc.Inline] = []
+    for gauge in validity.gauges:
+        gauges += ["; " if gauges else "", doc.given(gauge.id)]
+        if gauge.certificate:
+            gauges += [", certificate ", doc.given(gauge.certificate)]
+        if gauge.expanded_mm is not None:
+            gauges.append(f", U {short(gauge.expanded_mm, 6)} mm")
+        due = f"due {gauge.due}" if gauge.due else "due date not given"
+        gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
+    known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
+    temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
+    noun = "readings" if of.kind == DataKind.READINGS else "differences"
+    rows: dict[str, doc.Blank] = {
+        "measured": _moment(validity.measured),
+        "gauges": tuple(gauges) or None,
+        "temperature": ", ".join(temperatures) or None,
+        "operator": validity.operator and doc.given(validity.operator),
+        "data": (f"{of.readings} {noun}, ", doc.code(of.sha256[:12])),
+    }
+    return [(name, rows[name]) for name in rows if name in ("measured", "data", *machine.noted)]
+
+
+def _moment(written: str | None) -> doc.Marked | None:
+    """An ISO 8601 time, as people read it."""
+    return None if written is None else doc.given(moment_words(datetime.fromisoformat(written)))
+
+
+def _inputs(inputs: Sequence[Input]) -> Iterator[tuple[str, doc.Blank]]:
+    """Origin of one measurement, or of before and after: file, number and kind, digest."""
+    names = ("Before", "After") if len(inputs) > 1 else ("Input",)
+    for name, given in zip(names, inputs, strict=True):
+        source = given.measured.source
+        yield name, doc.given(f"{file_words(source.path)} ({input_words(given)})")
+        yield "SHA-256", doc.code(source.sha256)
