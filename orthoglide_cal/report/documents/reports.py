@@ -17,6 +17,7 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference.result import Parameter, Verdict
+from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.readings import AXES
@@ -35,7 +36,7 @@ from orthoglide_cal.report.documents.answer import (
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import Answer, Identity, InputFile, Validity
-from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
+from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
@@ -381,12 +382,10 @@ def _verification_notice(result: Verification) -> doc.Notice:
     if unsure and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
     known = [*result.reservations]
-    for reservation in result.reservations:
-        of = reservation.data.get("reason")
-        if tone is not doc.Tone.BAD and isinstance(of, Reason) and of.code in INVALIDATING:
-            title, lines = says(reservation).rstrip("."), [f"{title}.", *lines]
-            known.remove(reservation)
-            break
+    worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in INVALIDATING]
+    if worthless and tone is not doc.Tone.BAD:
+        title, lines = says(worthless[0]).rstrip("."), [f"{title}.", *lines]
+        known.remove(worthless[0])
     return doc.Notice(tone, title, (*lines, *(doc.doubtful(says(doubt)) for doubt in known)))
 
 
