@@ -212,7 +212,7 @@ def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools
     """Which columns of a how show at each where and at no narrower, (w, v, q)."""
     (columns, mover, _), (_, selected, covered) = made, _wheres(plan.steps, ordered)
     n, v, q = columns.shape
-    if not 0 < q <= MOST_COLUMNS:
+    if not 0 < q <= MOST_COLUMNS or not columns.any():
         return np.zeros((len(selected), v, q), np.bool_)
     flat, some = columns.reshape(n, -1), max(AT_ONCE // n, 1)
     parts = (flat[:, start : start + some] for start in range(0, v * q, some))
