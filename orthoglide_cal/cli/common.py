@@ -27,7 +27,6 @@ from orthoglide_cal.errors import (
     InputError,
     OrthocalError,
     UsageError,
-    command,
     file_words,
     visible,
     visible_lines,
@@ -147,7 +146,6 @@ def argument(
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
 # The first command in a folder for practice.
-PRACTISE = command("measure", options="--gauge simulated")
 # What may be left out.
 Text = str | None
 Texts = list[str] | None

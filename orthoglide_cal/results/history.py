@@ -37,13 +37,6 @@ from orthoglide_cal.estimation.gaussian import (
     whiten,
     whiten_shared,
 )
-from orthoglide_cal.estimation.losses import (
-    DISMISSED,
-    MISSED_CHANGE,
-    WRONG_STORY,
-    is_dismissed,
-    state,
-)
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
@@ -54,6 +47,7 @@ from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.losses import DISMISSED, MISSED_CHANGE, WRONG_STORY, is_dismissed, state
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Cause, Estimate, Model
 from orthoglide_cal.model.plan import Floats, ReadOnly

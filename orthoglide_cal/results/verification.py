@@ -30,19 +30,19 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.budget import half_width
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum, probabilities, whiten
-from orthoglide_cal.estimation.losses import (
-    FALSE_RELEASE,
-    MISSED_FAULT,
-    NEEDLESS_HOLD,
-    is_dismissed,
-    state,
-)
 from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual, rms, table_kind
 from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.result import Parameter
+from orthoglide_cal.losses import (
+    FALSE_RELEASE,
+    MISSED_FAULT,
+    NEEDLESS_HOLD,
+    is_dismissed,
+    state,
+)
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model

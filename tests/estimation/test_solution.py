@@ -16,9 +16,9 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import OffsetEstimate, fit_offsets, promise, solution, solve
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
-from orthoglide_cal.estimation.losses import is_likely, surprising
 from orthoglide_cal.estimation.solution import OPTIMAL
 from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.losses import is_likely, surprising
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture

@@ -15,9 +15,9 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from orthoglide_cal.estimation.gaussian import mixture, probabilities
-from orthoglide_cal.estimation.losses import state
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.losses import state
 from orthoglide_cal.results.history import SIZES, DatedValues, Part, Trend, TrendFit, _fit
 from orthoglide_cal.schema import Reason
 from tests import truth
