@@ -143,27 +143,21 @@ def stated(of: object, name: str) -> bool:
 
 
 def truths(node: ast.AST) -> list[ast.expr]:
-    """Expressions of which a node takes the truth, or which it compares with a constant."""
-    match node:
-        case ast.If() | ast.IfExp() | ast.While() | ast.Assert():
-            return [node.test]
-        case ast.BoolOp():
-            return node.values
-        case ast.UnaryOp(op=ast.Not()):
-            return [node.operand]
-        case ast.Compare(comparators=[ast.Constant()]):
-            return [node.left]
-        case ast.BinOp(op=ast.Mult()):
-            return [node.left, node.right]
-        case ast.Call(func=ast.Name(id="bool" | "len" | "any" | "all" | "filter")):
-            return node.args
-    return getattr(node, "ifs", [])
+    """Expressions of which a node takes the truth, by which it multiplies, or that it compares with
+    a constant."""
+    values = node.values if isinstance(node, ast.BoolOp) else []
+    constant = isinstance(getattr(node, "comparators", [None])[-1], ast.Constant)
+    sides = ("left", "right") if constant or isinstance(getattr(node, "op", None), ast.Mult) else ()
+    one = (getattr(node, name, None) for name in ("test", "operand", *sides))
+    return [*filter(None, one), *getattr(node, "ifs", []), *values]
 
 
 def ends(node: ast.AST) -> tuple[str, str]:
-    """Last two parts of a dotted name; of a call those of its function."""
+    """Last two parts of a dotted name; of a call those of its function, or of what it counts."""
     while isinstance(node, ast.Call | ast.NamedExpr | ast.Subscript):
-        node = node.value if not isinstance(node, ast.Call) else node.func
+        counts = isinstance(node, ast.Call) and ast.unparse(node.func) in ("bool", "len", "any")
+        inner = node.value if not isinstance(node, ast.Call) else node.func
+        node = node.args[0] if counts else inner
     named = isinstance(node, ast.Name | ast.Attribute | ast.Constant)
     *_, owner, name = ["", "", *(ast.unparse(node) if named else "").split(".")]
     return owner, name.strip("'")

@@ -24,9 +24,7 @@ Answers = dict[str, Any]  # dotted key of the file → its value
 _BACK = "<"
 
 machine = typer.Typer(
-    help="Make a machine file, or show one.",
-    rich_markup_mode=None,
-    add_completion=False,
+    help="Make a machine file, or show one.", rich_markup_mode=None, add_completion=False
 )
 
 

@@ -362,9 +362,7 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
     return LeastSquaresFit(
-        offsets.reshape(*batch, width),
-        residual.reshape(data.shape),
-        left.reshape(batch),
+        offsets.reshape(*batch, width), residual.reshape(data.shape), left.reshape(batch)
     )
 
 

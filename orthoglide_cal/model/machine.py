@@ -64,10 +64,7 @@ Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 # A group of keys that nobody changes; it may be empty in the file.
 Group = Annotated[
-    Mapping[str, T],
-    BeforeValidator(empty),
-    AfterValidator(MappingProxyType),
-    PlainSerializer(dict),
+    Mapping[str, T], BeforeValidator(empty), AfterValidator(MappingProxyType), PlainSerializer(dict)
 ]
 # Cause id → its parameters as the controller corrects them, in the unit of the cause.
 Corrections = Group[Mapping[str, Number]]
@@ -547,14 +544,12 @@ class Machine(Schema):
 
     def check_guided(self) -> None:
         """Raises UsageError for a machine that nobody measures by hand, step by step."""
-        fault = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
-        raise UsageError(fault, self.vocabulary.probing)
+        if self.measuring(None) is None:
+            fault = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
+            raise UsageError(fault, self.vocabulary.probing)
 
     def measuring(self, file: Path | None, options: str = "", **given: object) -> str | None:
-        """The command that guides through a measurement; None where nobody is guided.
-
-        `file` is that of the machine; further arguments as of `errors.command`.
-        """
+        """The command that guides through a measurement; arguments as of `errors.command`."""
         return None
 
     def entered_decimals(self, expanded: Iterable[float]) -> int:

@@ -507,11 +507,7 @@ def synthetic_session(
 
 
 def differentiate(
-    model: Model,
-    offsets: Floats,
-    plan: Plan,
-    effects: Sequence[Effect] = (),
-    strict: bool = True,
+    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect] = (), strict: bool = True
 ) -> tuple[Floats, Floats]:
     """Readings (..., n) [mm], and their exact derivatives by offsets and parameters, (..., n, q).
 

@@ -175,9 +175,6 @@ class Orthoglide(Machine):
     def plausible(self) -> tuple[float, ...]:
         return (self.homing_mm or HOMING_MM,) * len(AXES)
 
-    def check_guided(self) -> None:
-        """Its protocols guide."""
-
     def measuring(self, file: Path | None, options: str = "", **given: object) -> str:
         return command("measure", **given, machine=file, options=options)
 

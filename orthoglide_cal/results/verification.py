@@ -36,13 +36,7 @@ from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.result import Parameter
-from orthoglide_cal.losses import (
-    FALSE_RELEASE,
-    MISSED_FAULT,
-    NEEDLESS_HOLD,
-    is_dismissed,
-    state,
-)
+from orthoglide_cal.losses import FALSE_RELEASE, MISSED_FAULT, NEEDLESS_HOLD, is_dismissed, state
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model

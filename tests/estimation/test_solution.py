@@ -293,9 +293,7 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
         ]
         column[when] = apart[0] - apart[1]
     rows = promise(
-        differences(SIX, model),
-        estimate(model, OFFSETS, 1e-16, Scatter(1e-8, np.inf)),
-        ENTERED,
+        differences(SIX, model), estimate(model, OFFSETS, 1e-16, Scatter(1e-8, np.inf)), ENTERED
     )
     for which, row in zip(DIFFERENCES[SIX], rows, strict=True):
         mine = (plan.leg == which.series.leg) & (plan.direction == which.series.direction)

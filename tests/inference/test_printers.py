@@ -368,10 +368,7 @@ def test_any_other_parameter_in_the_controller_leaves_them_free(change: dict[str
 
 @pytest.mark.parametrize(
     ("drift", "layout", "seed"),
-    [
-        (0.15, Layout(9, cycles=12, pace=0.28), 0),
-        (1.4, Layout(13, cycles=5), 0),
-    ],
+    [(0.15, Layout(9, cycles=12, pace=0.28), 0), (1.4, Layout(13, cycles=5), 0)],
 )
 def test_a_series_that_drifts_is_named_drift(drift: float, layout: Layout, seed: int) -> None:
     """Half an hour at 0.15 mm/h; and 28 times what is usual, which endstops do not do, too."""

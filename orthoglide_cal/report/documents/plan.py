@@ -40,9 +40,7 @@ _PLACES = "places.csv"
 
 
 def plan_document(
-    plan: MeasurementPlan,
-    machine_file: Path | None = None,
-    begun: Case | None = None,
+    plan: MeasurementPlan, machine_file: Path | None = None, begun: Case | None = None
 ) -> doc.Document:
     """The document, for any of the renderers.
 
