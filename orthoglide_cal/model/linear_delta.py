@@ -67,7 +67,7 @@ HIGH_MM = max(BLOCKS_MM)  # the higher, the less a bed imitates a frame that is 
 PLACES = (7, 13, 25, 121)  # numbers of places
 REACH = 0.95  # share of the bed's radius, within which they are
 # To tell what a bed alone does not: so many places of the bed, so many of them on blocks, too.
-SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 37)
+SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31)
 DECIMALS = 1  # with which places are sent to a printer [mm]
 # Multiples of it, less their whole parts, are spread most evenly.
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
