@@ -251,14 +251,14 @@ class Decision(Belief):
 
     @cached_property
     def is_nameable(self) -> bool:
-        """True if to name the best causes costs less than to leave them open.
+        """True if to name the best causes costs less than to leave them open, or of two a hold.
 
         Where a pattern acts, each that does not act with it is a wrong name: of what is in every
         reading a part. Offsets are false that it moves beyond their U, or by what returns with its
         posture.
         """
-        best, fit = self.best, self.fit_of(self.best)
-        bearable, risk = OPEN_ANSWER * self.something, 0.0
+        best, fit, risk = self.best, self.fit_of(self.best), 0.0
+        bearable = (NEEDLESS_HOLD if len(best) > 1 else OPEN_ANSWER) * self.something
         if (len(best) * WRONG_NAME + FALSE_RELEASE) * self.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
         for one in self.beyond_list:

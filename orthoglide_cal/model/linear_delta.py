@@ -368,7 +368,7 @@ class LinearDelta(Machine):
         subject="a linear delta by its own probe",
         everywhere="the probe",
         anew="Probe again in the same way",
-        pushed="Calibrate anew, which the push needs, and probe in the same way.",
+        pushed="Calibrate again, as the push requires, and probe in the same way.",
         also=" and the bed's local shape",
         positions="places",
         repeat="Probe more places",

@@ -576,6 +576,8 @@ def reduction(
     zero where the plan lacks one of the cells.
     """
     plan = GaugePlan.require(plan)
+    # Something was entered, then or when their gauge was set up, or a bar was turned.
+    changed = plan.entered.any(axis=1) | plan.stood.any(axis=1) | plan.turned
     matrix = np.zeros((len(differences), len(plan)))
     for row, (series, posture) in zip(matrix, differences, strict=True):
         if kind is DataKind.SINGLE:
@@ -586,7 +588,7 @@ def reduction(
             cells = (ends[0], Contact.FIXED), (ends[1], Contact.FIXED)
         minuend, subtrahend = (
             plan.of(series)
-            & plan.as_found
+            & ~changed
             & (plan.contact == contact)
             & (np.abs(plan.displacement - machine.displacement_mm(at)) < 1e-9)
             for at, contact in cells

@@ -124,12 +124,6 @@ class GaugePlan(Plan):
         leg = np.where(self.displacement == 0.0, 0, self.leg)
         return alike(leg, self.displacement, *_columns(self.entered))
 
-    @property
-    def as_found(self) -> Bools:
-        """With nothing entered, then and when their gauge was set up, and no bar turned."""
-        changed = self.entered.any(axis=1) | self.stood.any(axis=1) | self.turned
-        return np.asarray(~changed)
-
     @of_steps
     def set_up_moments(self) -> tuple[Floats, Ints]:
         """Distinct `stood`, (s, 3) [mm], and each reading's one, (n,)."""

@@ -1,7 +1,8 @@
 """A result as a command shows it: plain values for programs, and blocks for people.
 
 A document is made in `report.documents`; the renderers know nothing of what it is about: `json`
-shows its values, `terminal`, `html` and `markdown` its page.
+shows its values, `terminal`, `html` and `markdown` its page. Pages and pictures are marked up by
+`tag` and `join`, which escape all but their own.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +19,7 @@ from orthoglide_cal.words import SIMULATED
 MARK = "<!-- Written by orthocal -->\n"
 BLANK = "_" * 12  # to write on
 
-# --- markup of a page and its pictures: all but what is made here is escaped ---------------------
+# --- markup -----------------------------------------------------------------------------------
 
 
 class Html(str):

@@ -225,9 +225,10 @@ def workspace_maps(
     """
     limits = class_limits(max(float(error.max()) for _, error, *_ in views))
     across = Scale(*ends, 0.0, _SIZE)
-    for when, error, worst_mm, (x_mm, y_mm, z_mm) in views:
+    for when, error, worst_mm, worst in views:
         finding = f"Tool-position error in a slice of the workspace, {when}. In the whole cube at"
-        finding += f" most {two_figures(worst_mm)} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
+        finding += f" most {two_figures(worst_mm)} mm, at {position_words(worst, 0)}."
+        x_mm, y_mm, z_mm = worst
         for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
             title = f"{when}, z = {number(round(level))} mm"
             body = [
@@ -309,9 +310,8 @@ def bed_map(
         x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
         body.append(words(x, y + 5, tower, "middle", "axis halo"))
     largest = int(np.argmax(np.abs(microns)))
-    x_mm, y_mm = place_mm[largest]
     finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
-    finding += f" at X{x_mm:.0f} Y{y_mm:.0f}; {int(ringed.sum())} ringed."
+    finding += f" at {position_words(place_mm[largest], 0)}; {int(ringed.sum())} ringed."
     return svg(324.0, _OVER + _BED + 58.0, title, finding, body)
 
 
@@ -790,7 +790,7 @@ def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
     sizes = {model: [signed(mm, 4) for mm in values.tolist()] for model, values in left.items()}
     if not readings:
         single = case.answer.input.kind == DataKind.SINGLE
-        caption = f"Behind measured: what each model leaves. {comparison_words(single)[1]}"
+        caption = f"Last columns: residuals of each model. {comparison_words(single)[1]}"
         return doc.Grid.of({**columns, **sizes}, caption=caption)
     model = [*left][-1]  # a long list has room for one of them
     columns[f"left, {model}"] = sizes[model]

@@ -3,7 +3,6 @@
 And a name survives what it did not see, and what it calls wrong may be left out.
 """
 
-import sys
 from dataclasses import replace
 from datetime import date
 
@@ -19,6 +18,7 @@ from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, Place
 from tests import truth
+from tests.decisions import diagnose_anew
 from tests.inference.sessions import given, ids, known
 from tests.inference.test_printers import quartic
 from tests.readings import some
@@ -189,9 +189,9 @@ def test_readings_left_out_refute_a_name(monkeypatch: pytest.MonkeyPatch) -> Non
     readings, model = known(truth.make_session(4, truth.PROTOTYPE, truth.MICRON, ("axis_gap",)))
     assert diagnose(readings, model).refuted is None
     held = HeldOut(rms_mm=0.75, ratio=44.0, chance=1e-6)
-    module = sys.modules[diagnose.__module__]
-    monkeypatch.setattr(module, "leave_out", lambda *_: (None, None, held))
-    found = vars(module)["diagnose"](readings, model)
+    place = "orthoglide_cal.inference.diagnose.leave_out"
+    monkeypatch.setattr(place, lambda *_: (None, None, held))
+    found = diagnose_anew(readings, model)
     assert (found.verdict, found.causes) == (Verdict.UNEXPLAINED, ())
     assert found.refuted.code == "refuted_left_out"
 

@@ -661,7 +661,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         elif not cause.recommended:
             yield f"Accepting {cause.id} as part of the machine is not recommended."
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
-            yield f"{cause.id} looks like {', '.join(cause.aliases)}."
+            yield f"{cause.id} cannot be distinguished from {', '.join(cause.aliases)}."
     faults = [fault for fault in answer.unshown if not fault.matters]
     places = [f" ({fault.where})" if fault.where else "" for fault in faults]
     if brief and len(faults) > 1:

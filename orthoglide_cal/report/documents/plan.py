@@ -207,8 +207,8 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
     source = floor.largest.source
     source = source if source in CAUSES else source_words(source, plan.model.machine)[0]
     if plan.gauges is None:
-        return f"{source} stays."
-    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({source})."
+        return f"{source} remains."
+    return f"± {two_figures(float(floor.expanded_mm.max()))} mm remains ({source})."
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
