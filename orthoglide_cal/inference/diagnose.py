@@ -552,7 +552,7 @@ class Diagnosis(Decision):
         for pattern in self.acting:
             if pattern.how in PASSING:
                 value = value - np.array(pattern.effect_mm)
-        return replace(measured, value=value)
+        return measured if value is measured.value else replace(measured, value=value)
 
     @property
     def unsure_mm(self) -> Floats:

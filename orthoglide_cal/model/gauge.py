@@ -164,7 +164,7 @@ def too_steady(
     setups = np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        sizes = Counter(np.unique(repeat[mine], return_counts=True)[1].tolist())
+        sizes = Counter(filter(None, np.bincount(repeat[mine]).tolist()))
         squares = float((left[mine] ** 2).sum())
         if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < TOO_STEADY:
             dof = sum((size - 1) * number for size, number in sizes.items())

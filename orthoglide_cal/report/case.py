@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command
+from orthoglide_cal.errors import UnusableResultError, command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Machine, Vocabulary
@@ -127,6 +127,20 @@ class Case:
             if not wanted or options in wanted:
                 steps.append(doc.step(self.says(remedy.sentence), typed))
         yield from dict.fromkeys(steps)  # two reasons may have one remedy
+
+    def require_usable(self, force: bool | None = None) -> None:
+        """Raise UnusableResultError, with what to do instead, if the result must not be used.
+
+        Unless it is forced to be; None where it cannot be forced.
+        """
+        release, known = self.answer.release, self.answer.parameters
+        if known and (release.usable or force):
+            return
+        remedies = [" ".join(part.text for part in doc.parts_of(step)) for step in self.remedies()]
+        if known and force is not None:
+            remedies.append("To export it anyway, marked as FORCED: --force")
+        why = " ".join(map(self.says, release.reasons))
+        raise UnusableResultError(f"Do not use these {self.words.many}. {why}", "\n".join(remedies))
 
     @property
     def verify(self) -> str:

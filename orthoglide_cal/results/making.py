@@ -127,7 +127,8 @@ def answer_to(
     chosen = alone if method else judged
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
-    budget, offsets_only, parameters = chosen.budget, parameters_of(alone), parameters_of(chosen)
+    budget, offsets_only = chosen.budget, parameters_of(alone)
+    parameters = offsets_only if shown_alone else parameters_of(chosen)
     decimals = machine.entered_decimals(budget.expanded_mm.tolist())
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()

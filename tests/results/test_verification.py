@@ -12,6 +12,7 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
+from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Estimate, Model, simulate
@@ -20,7 +21,7 @@ from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.making import answer_to
-from orthoglide_cal.results.verification import Behaviour, _respond, shared_differences, verify
+from orthoglide_cal.results.verification import _respond, shared_differences, verify
 from tests import truth
 from tests.estimation.sessions import of_values
 from tests.inference.sessions import known
