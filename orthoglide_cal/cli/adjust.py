@@ -37,7 +37,7 @@ def adjust(
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
-        if HOME_SWITCH.usual(type(known)) is None:
+        if HOME_SWITCH.usual(known) is None:
             fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         common.judged(given, diagnosed=diagnosis).require_usable()

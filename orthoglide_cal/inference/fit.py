@@ -20,7 +20,6 @@ from scipy.special import chdtrc, log_ndtr
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
-from orthoglide_cal.estimation.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.estimation.solution import Contrasts, rms
 from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
@@ -33,6 +32,7 @@ from orthoglide_cal.inference.hypothesis import (
     others_wrong,
     pattern_densities,
 )
+from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only

@@ -26,7 +26,8 @@ from orthoglide_cal.estimation.gaussian import (
     whiten,
     whiten_shared,
 )
-from orthoglide_cal.estimation.losses import (
+from orthoglide_cal.inference.evidence import UNIT, Gaussian, NoiseGrid
+from orthoglide_cal.losses import (
     FALSE_RELEASE,
     MISSED_CHANGE,
     MISSED_FAULT,
@@ -35,7 +36,6 @@ from orthoglide_cal.estimation.losses import (
     is_dismissed,
     state,
 )
-from orthoglide_cal.inference.evidence import UNIT, Gaussian, NoiseGrid
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.words import MM_PER_INCH
 

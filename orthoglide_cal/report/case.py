@@ -163,12 +163,10 @@ class Case:
 
         `session` are the options of a session of its own; None: it goes on from these readings.
         """
-        if session is not None:
-            return command("measure", machine=self.given.machine_file, options=session)
-        if not self.words.measure or self.source.path == "-":
+        then = self.source.path if session is None else None
+        if then == "-":
             return None
-        verb = f"{self.words.measure} --then"
-        return command(verb, self.source.path, machine=self.given.machine_file)
+        return self.machine.measuring(self.given.machine_file, session or "", then=then)
 
     @property
     def for_controllers(self) -> bool:
@@ -221,11 +219,11 @@ def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
 
 
-def measure_again(given: Input) -> str:
-    """The command to measure again: a simulated machine comes back with its seed."""
+def measure_again(given: Input) -> str | None:
+    """The command to measure again, if any: a simulated machine comes back with its seed."""
     seed = dict(given.conditions.environment).get("seed")
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
-    return command("measure", machine=given.machine_file, options=options)
+    return given.model.machine.measuring(given.machine_file, options)
 
 
 # --- of which data, of whose machine, for what it holds ----------------------------------------

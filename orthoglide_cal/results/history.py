@@ -28,9 +28,6 @@ from orthoglide_cal.estimation.budget import (
 from orthoglide_cal.estimation.gaussian import (
     mixture,
 )
-from orthoglide_cal.estimation.losses import (
-    DISMISSED,
-)
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
@@ -41,6 +38,7 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.inference.sessions import DatedValues, Trend, decide_trends
+from orthoglide_cal.losses import DISMISSED
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Cause, Estimate, Model
 from orthoglide_cal.model.plan import Floats

@@ -15,10 +15,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from orthoglide_cal.estimation.gaussian import mixture, probabilities
-from orthoglide_cal.estimation.losses import state
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.sessions import SPREADS, DatedValues, Part, Trend, TrendFit, _fit
+from orthoglide_cal.losses import state
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals

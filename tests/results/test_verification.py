@@ -210,8 +210,7 @@ def test_an_axis_that_was_not_touched_has_not_moved():
 
 
 @pytest.mark.parametrize(
-    ("limit", "outcome"),
-    [(0.36, "pass"), (0.34, "undecided"), (0.33, "undecided"), (0.30, "fail")],
+    ("limit", "outcome"), [(0.36, "pass"), (0.34, "undecided"), (0.33, "undecided"), (0.30, "fail")]
 )
 def test_decision_rule_with_guard_band(limit, outcome):
     """The largest deviation is 0.34 mm with U = 1.96·√2·noise = 0.018 mm."""

@@ -246,7 +246,7 @@ def _conditions(case: Case) -> doc.Section:
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     # Blanks are for those who write down how it was.
-    rows = [row for row in rows if row[1] is not None or machine.noted]
+    rows = [row for row in rows if row[1] is not None or "date" in machine.noted]
     sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
     sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
     rows.append((noise.capitalize(), sizes))
