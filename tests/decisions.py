@@ -1,7 +1,7 @@
 """What follows from the same data under the same model is found once in a process, for all tests.
 
 A decision and a diagnosis are pure functions of them, as `tests.inference.test_verdicts` asserts.
-A test that replaces a part of the inference calls the functions of that module itself.
+A test that replaces a part of the inference calls `diagnose_anew`.
 """
 
 import functools

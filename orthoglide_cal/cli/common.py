@@ -5,7 +5,6 @@ Heavy modules are imported inside the functions that need them, so that `--help`
 
 from __future__ import annotations
 
-import functools
 import gc
 import math
 import os
@@ -16,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
@@ -311,7 +310,7 @@ def require_printer(source: Source, data: Data) -> None:
         raise UsageError(fault, "Leave it out.")
 
 
-@functools.cache
+@cache
 def read_machine_file(path: Path) -> StoredMachine:
     """A machine file, read once in a command; in a terminal, what is to be known of it is said."""
     from orthoglide_cal.files.machine_file import read_machine_file as read
@@ -325,7 +324,7 @@ def read_machine_file(path: Path) -> StoredMachine:
     return file
 
 
-@functools.cache
+@cache
 def chosen_machine(machine_file: Path | None) -> StoredMachine | None:
     """The machine file of --machine, else that of this folder; None if there is neither."""
     from orthoglide_cal.files.input import machine_in_folder
@@ -334,7 +333,7 @@ def chosen_machine(machine_file: Path | None) -> StoredMachine | None:
     return read_machine_file(path) if path else None
 
 
-@functools.cache
+@cache
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
     """The chosen machine file, in which what was entered is recorded.
 
@@ -354,7 +353,7 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
     return file
 
 
-@functools.cache
+@cache
 def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware; None if not given."""
     from orthoglide_cal.files.input import printer_settings
@@ -365,7 +364,7 @@ def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     return settings or read_machine_file(machine_file).model
 
 
-@functools.cache
+@cache
 def usual_machine(machine_file: Path | None = None) -> Model:
     """The chosen machine, else the prototype; says once which one it is if it was not given."""
     from orthoglide_cal.files.machine_file import default_machine

@@ -23,16 +23,15 @@ def validate(
         source = given.measured.source if given else Source(path, check.input.sha256 or "")
         if check.valid:
             common.require_printer(source, data)
-        refused: UnusableResultError | None = None
         if given:
             try:
                 freed = free_arms(given)
                 solve(freed.measured, freed.model)
             except UnusableResultError as error:
-                refused = error
-        common.deliver(check_document(check, source, refused), as_json=json)
-        if refused:
-            return refused.exit_code
+                check = check.changed(refused=error)
+        common.deliver(check_document(check, source), as_json=json)
+        if check.refused:
+            return check.refused.exit_code
         return 0 if check.valid else InputError.exit_code
 
     return common.for_each(files, judge, as_json=json)

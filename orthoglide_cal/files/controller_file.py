@@ -38,7 +38,8 @@ from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.klipper import Options, Settings
-from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
+from orthoglide_cal.files.text import FileText, document_from_bytes, read_bytes, write_text
+from orthoglide_cal.files.tree import Content
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Corrections, Machine, Written, WrittenTable, WrittenValue
 from orthoglide_cal.model.model import Cause, Effect, Model
@@ -429,6 +430,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
     Behind a colon it reads nothing, nor in the lines that follow.
     """
     section, entries = "", Options(dict)
+    content = Content(FileText(target, text, False, _digest(data)))
     for number, line in enumerate(text.split("\n")):
         if line.startswith("#INCLUDE"):
             path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
@@ -456,14 +458,12 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
     joints = {axis: f"JOINT_{letters.index(axis)}" for axis in AXES}
     more = {f"{axis} {o}": (joint, o) for axis, joint in joints.items() for o in _OPTIONS}
     wanted = {axis: (joint, "HOME_OFFSET") for axis, joint in joints.items()}
-    settings = _values(target, entries, wanted | more, _ADD, more)
     at, unit = entries["TRAJ"].get("LINEAR_UNITS", (0, ""))
     if unit.lower() not in _UNITS:
-        raise InputError(
-            "This unit is unknown." if unit else "The value is missing.",
-            _ADD.format("TRAJ", "LINEAR_UNITS", "mm (or inch)"),
-            file=target, line=at or None, column="[TRAJ] LINEAR_UNITS", value=unit or None,
-        )  # fmt: skip
+        problem = "This unit is unknown." if unit else "The value is missing."
+        remedy = _ADD.format("TRAJ", "LINEAR_UNITS", "mm (or inch)")
+        content.add(problem, remedy, at or None, "[TRAJ] LINEAR_UNITS", unit or None)
+    settings = _values(content, entries, wanted | more, _ADD, more)
     return LinuxCnc(target, data, settings, unit_mm=_UNITS[unit.lower()])
 
 
@@ -473,12 +473,12 @@ def _klipper(target: str, data: bytes) -> Klipper:
     printer.problems += printer.dropped
     printer.check()
     heading = printer.heading or math.inf
-    settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
+    settings = _values(printer, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
     return Klipper(target, data, settings, (Reason.of("includes"),) * printer.included)
 
 
 def _values(
-    target: str,
+    content: Content,
     entries: Options,
     wanted: Mapping[str, tuple[str, str]],
     advice: str,
@@ -486,7 +486,7 @@ def _values(
     heading: float = 0,
 ) -> dict[str, WrittenValue]:
     """The wanted values, below the heading of Klipper's block. Raises InputError."""
-    faults, values = list[InputError](), dict[str, WrittenValue]()
+    values = dict[str, WrittenValue]()
     for name, (section, option) in wanted.items():
         key, needed = f"[{section}] {option}", name not in optional
         number, value = entries[section].get(option, (None, ""))
@@ -499,13 +499,10 @@ def _values(
             problem = "This is not a number."
         if problem:
             remedy = advice.format(section, option, "NUMBER")
-            text = value or None
-            fault = InputError(problem, remedy, file=target, line=number, column=key, value=text)
-            faults.append(fault)
+            content.add(problem, remedy, number, key, value or None)
         elif number is not None:
             values[name] = WrittenValue(line=number, key=key, before=value)
-    if faults:
-        raise InputError.of(sorted(faults, key=lambda fault: fault.line or 0))
+    content.check()
     return values
 
 

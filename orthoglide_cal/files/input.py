@@ -15,7 +15,7 @@ from typing import Annotated, Literal, NamedTuple, cast
 import numpy as np
 from pydantic import InstanceOf, PlainSerializer
 
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import InputError, UnusableResultError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.printer_file import PrinterFile
@@ -157,7 +157,8 @@ class Check(Schema):
     problems: tuple[Fault, ...] = ()  # everything that is wrong
     doubtful: bool = False  # some of the remarks say that it cannot be so
     remarks: tuple[Sentence, ...] = ()  # to know although nothing is wrong
-    refused: str | None = None  # why sound data give no offsets
+    # Why sound data give no offsets.
+    refused: Annotated[InstanceOf[UnusableResultError], PlainSerializer(str, str)] | None = None
 
 
 def read_input(
@@ -515,13 +516,13 @@ def _printer(file: PrinterFile, known: Model | None, stored: str | None) -> Inpu
     machine, remarks = file.known_as(_delta(model, file.source.path))
     model = replace(model, machine=machine)
 
-    def read(name: str | None, *unused: Reason) -> Input:
+    def read(name: str, *unused: Reason) -> Input:
         readings = file.readings(name, machine)
         readings = replace(readings, remarks=(*remarks, *readings.remarks, *unused))
         return Input(readings, model, conditions_in(readings).changed(started=file.started))
 
     others, unused = [], []
-    chosen = stored or next(iter(file.data), None)
+    chosen = stored or next(iter(file.data), "")
     for name in (name for name in file.data if name != chosen):
         try:
             others.append(read(name))

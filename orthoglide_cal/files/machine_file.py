@@ -43,7 +43,6 @@ PRINTER_SECTION = re.compile(
     r"|probe|bltouch|extruder\d*|\w*heater_\w+|\w*fan|tmc\d+|temperature_\w+|input_shaper)\b",
     re.MULTILINE | re.IGNORECASE,
 )
-DEFAULT_NAME = "orthoglide_prototype.yaml"
 # Tolerances: the smallest, and the largest in usual sizes.
 _SMALLEST_TOLERANCE = 1e-9
 _LARGEST_TOLERANCE = 1000.0
@@ -208,13 +207,13 @@ def _stored(content: str, path: str) -> StoredMachine:
 @functools.cache
 def default_machine() -> Model:
     """The paper's prototype, from the file that comes with the package."""
-    return read_machine_file(shipped_folder() / DEFAULT_NAME).model
+    return read_machine_file(shipped_machine("")).model
 
 
 def shipped_machine(kind: str) -> Path:
     """The machine file that comes with the program for a kind; the prototype's for others."""
-    name = f"{kind}.yaml"
-    return shipped_folder() / (name if (shipped_folder() / name).is_file() else DEFAULT_NAME)
+    path = shipped_folder() / f"{kind}.yaml"
+    return path if path.is_file() else path.with_name("orthoglide_prototype.yaml")
 
 
 def shipped_folder() -> Path:

@@ -133,13 +133,11 @@ class PrinterFile(ReadOnly):
         sizes = {**known.tolerances, ARMS: round(math.hypot(size, apart), 3)}
         return machine.changed(tolerances=sizes), (remark,)
 
-    def readings(self, stored: str | None, machine: LinearDelta) -> Readings:
+    def readings(self, chosen: str, machine: LinearDelta) -> Readings:
         """Readings that a printer.cfg stores, at places meant by the parameters of a machine.
 
-        `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
-        InputError: it does not store that.
+        `chosen` is "calibration" or "mesh". Raises InputError: it does not store that.
         """
-        chosen = stored or next(iter(self.data), "")
         if chosen not in self.data:
             fault, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
             if not self.data:

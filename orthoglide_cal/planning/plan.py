@@ -288,7 +288,7 @@ def fewest_cycles(
 def separations(
     model: Model, plan: Plan, among: Collection[str] | None = None
 ) -> tuple[dict[tuple[str, str], float], dict[str, float]]:
-    """How far apart causes of plausible size are, typically (root mean square) [σ].
+    """Distances between causes of plausible size, typically (root mean square) [σ].
 
     Ids of every two that a diagnosis of such readings would try → the smaller one of their two
     directions, nearest first; and id → from nothing wrong, those of the machine first.

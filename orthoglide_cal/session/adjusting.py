@@ -28,16 +28,10 @@ from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
-from orthoglide_cal.session.dialogue import (
-    TYPED,
-    VIRTUAL,
-    Dialogue,
-    serial_gauge,
-    setting_in,
-    time_of_day,
-)
-from orthoglide_cal.session.events import Journal, State, create, decode
+from orthoglide_cal.session.dialogue import TYPED, VIRTUAL, Dialogue, serial_gauge, time_of_day
+from orthoglide_cal.session.events import Journal, State
 from orthoglide_cal.session.gauges import Token
+from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import decimals_for, signed, value_text, with_uncertainty
 
 HELP = """\
@@ -328,7 +322,7 @@ def open_adjustments(
     begun = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     planned = events.Planned(at=at, readings=cells, following=following)
     if not resume:
-        create(target, begun, planned)
+        Journal.create(target, begun, planned)
     journal = Journal.resume(target, opened)
     _check_same(journal.state, following, adjustments, target)
     asker.gauge = asker.gauge or serial_gauge(journal.state.source, opened)
@@ -337,7 +331,7 @@ def open_adjustments(
         SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
         for number, (setup, phase) in places
     )
-    setting = setting_in(journal, steps)
+    setting = Setting(given.model, steps, following)
     return AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
 
 
@@ -360,7 +354,7 @@ def _check_same(
 def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
     """The journals of what was adjusted by these data, as far as they come."""
     for path in adjustments_by(source.path):
-        state = decode(path.read_bytes(), path).state
+        state = Journal.decode(path.read_bytes(), path).state
         following = state.planned and state.planned.following
         if following and following.data.sha256 == source.sha256:
             yield path, state, following

@@ -51,17 +51,7 @@ from orthoglide_cal.planning.steps import (
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style, Unasked
-from orthoglide_cal.session.events import (
-    Doubt,
-    Event,
-    Journal,
-    Questioned,
-    State,
-    advance,
-    create,
-    decode,
-    replay,
-)
+from orthoglide_cal.session.events import Doubt, Event, Journal, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import (
     NEAR_MM,
     SerialGauge,
@@ -796,9 +786,9 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     asker.gauge = serial_gauge(request.source, opened)
     target = path.with_suffix(JOURNAL)
     if not request.resume:
-        create(target, *_first_records(request, asker))
+        Journal.create(target, *_first_records(request, asker))
     journal = Journal.resume(target, opened)
-    state, setting = journal.state, setting_in(journal)
+    state, setting = journal.state, _setting_in(journal)
     source = request.source or state.source
     if request.resume:
         _refuse_changes(state.opened, setting.held, request)
@@ -1045,13 +1035,13 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
     return source, next(seed for seed in seeds if seed is not None)
 
 
-def setting_in(journal: Journal, steps: tuple[SessionStep, ...] = ()) -> Setting:
-    """Machine, earlier readings, and steps unless they are given. Raises InputError."""
+def _setting_in(journal: Journal) -> Setting:
+    """Machine, steps and earlier readings. Raises InputError."""
     path, opened, planned = str(journal.path), journal.state.opened, journal.state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is None:
         steps = opened.session.steps(model.machine)
-    elif not steps:
+    else:
         cells: tuple[AnyCell, ...] = planned.readings
         plan = cells[0].planned(cells)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
@@ -1184,7 +1174,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
 def is_practice(journal: Path) -> bool:
     """True if an unfinished session reads a simulated machine; False if it cannot be read."""
     with suppress(OrthocalError, OSError):
-        return decode(journal.read_bytes(), journal).state.opened.seed is not None
+        return Journal.decode(journal.read_bytes(), journal).state.opened.seed is not None
     return False
 
 

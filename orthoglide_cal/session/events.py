@@ -358,15 +358,6 @@ def encode(event: Event, checksum: int = 0) -> tuple[bytes, int]:
     return b'{"crc32":"%08x","record":%s}\n' % (checksum, body), checksum
 
 
-def create(path: Path, *events: Event) -> None:
-    """Write a new journal of these records, all or none. Raises UsageError if the file exists."""
-    data, checksum = b"", 0
-    for event in events:
-        line, checksum = encode(event, checksum)
-        data += line
-    write_text(path, data)
-
-
 @dataclass(eq=False)
 class Journal:
     """A journal as it was read; `resume` opens and locks it against every other session."""
@@ -384,6 +375,49 @@ class Journal:
     def state(self) -> State:
         """The state after all records, also those that are appended."""
         return replay(self.events)
+
+    @staticmethod
+    def create(path: Path, *events: Event) -> None:
+        """Write a journal of these records, all or none. Raises UsageError if the file exists."""
+        data, checksum = b"", 0
+        for event in events:
+            line, checksum = encode(event, checksum)
+            data += line
+        write_text(path, data)
+
+    @classmethod
+    def decode(cls, data: bytes, path: str | Path) -> "Journal":
+        """The journal that these bytes are; it cannot be continued.
+
+        Raises InputError if there is none, or it is damaged before its last record.
+        """
+        events: list[Event] = []
+        checksum, size = 0, 0
+        for number, line in enumerate(BytesIO(data), start=1):
+            try:
+                event, after = _decode_line(line.rstrip(b"\n"), checksum)
+            except ValueError as error:
+                rest = data[size + len(line) :].strip(b"\0\n")
+                if number > 1 and not rest and line.count(_BEGIN) <= 1:
+                    break
+                fault = f"The journal is damaged here: {error}."
+                remedy = (
+                    "Restore the file from a copy; or resume a copy of the lines above this one."
+                )
+                if isinstance(error.__cause__, ValidationError):
+                    remedy = "Use the orthocal that wrote it, or restore the file from a copy."
+                elif number == 1:
+                    fault = "This is not the journal of a session."
+                    remedy = "Restore the file from a copy, or begin a new session."
+                raise InputError(fault, remedy, file=str(path), line=number) from error
+            events.append(event)
+            checksum = after
+            size += len(line)
+        if not events or not isinstance(events[0], Opened):
+            raise InputError("The journal is empty.", "Begin a new session.", file=str(path))
+        end = b"" if data[:size].endswith(b"\n") else b"\n"
+        lost = len(data) - size
+        return cls(Path(path), tuple(events), lost, checksum, size, len(data), end)
 
     @classmethod
     def resume(cls, path: Path, opened: ExitStack) -> "Journal":
@@ -410,7 +444,7 @@ class Journal:
                 f"{path} is in use by another session that is still running.",
                 "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
             ) from error
-        return replace(decode(file.read(), path), _descriptor=file.fileno())
+        return replace(cls.decode(file.read(), path), _descriptor=file.fileno())
 
     def append(self, event: Event) -> None:
         """Put a record on the disk; once it is safe, let it count.
@@ -447,38 +481,6 @@ class Journal:
         self._size = self._file_size = self._size + len(line)
         self._checksum, self._end = checksum, b""
         self.state = advance(self.state, event)
-
-
-def decode(data: bytes, path: str | Path) -> Journal:
-    """The journal that these bytes are; it cannot be continued.
-
-    Raises InputError if there is none, or it is damaged before its last record.
-    """
-    events: list[Event] = []
-    checksum, size = 0, 0
-    for number, line in enumerate(BytesIO(data), start=1):
-        try:
-            event, after = _decode_line(line.rstrip(b"\n"), checksum)
-        except ValueError as error:
-            rest = data[size + len(line) :].strip(b"\0\n")
-            if number > 1 and not rest and line.count(_BEGIN) <= 1:
-                break
-            fault = f"The journal is damaged here: {error}."
-            remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
-            if isinstance(error.__cause__, ValidationError):
-                remedy = "Use the orthocal that wrote it, or restore the file from a copy."
-            elif number == 1:
-                fault = "This is not the journal of a session."
-                remedy = "Restore the file from a copy, or begin a new session."
-            raise InputError(fault, remedy, file=str(path), line=number) from error
-        events.append(event)
-        checksum = after
-        size += len(line)
-    if not events or not isinstance(events[0], Opened):
-        raise InputError("The journal is empty.", "Begin a new session.", file=str(path))
-    end = b"" if data[:size].endswith(b"\n") else b"\n"
-    lost = len(data) - size
-    return Journal(Path(path), tuple(events), lost, checksum, size, len(data), end)
 
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:

@@ -5,7 +5,6 @@ questioned when its deviation is as improbable as one beyond LIMIT standard erro
 names the blunder that explains it best. Nothing is altered.
 """
 
-import functools
 import math
 import re
 from collections import Counter
@@ -13,12 +12,11 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
+from functools import cached_property, lru_cache
 from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
@@ -42,7 +40,7 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import double_posture, plan_of, planned_readings
-from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
@@ -419,7 +417,7 @@ def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mix
     )
 
 
-def _first_visits(plan: GaugePlan) -> np.ndarray:
+def _first_visits(plan: GaugePlan) -> Bools:
     """True while the leg's carriage has not moved away from where it began, shape (m,)."""
     first = np.zeros(len(plan), dtype=bool)
     for mine in (np.flatnonzero(plan.leg == leg) for leg in np.unique(plan.leg)):
@@ -429,7 +427,7 @@ def _first_visits(plan: GaugePlan) -> np.ndarray:
     return first
 
 
-@functools.lru_cache(maxsize=8)  # asked for at every reading
+@lru_cache(maxsize=8)  # asked for at every reading
 def plausible_misfit_mm(machine: Machine) -> float:
     """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
 
@@ -443,7 +441,7 @@ def plausible_misfit_mm(machine: Machine) -> float:
     return math.hypot(*(float(np.linalg.norm(columns, axis=1).max()) for columns in moved))
 
 
-def _same(*keys: Ints) -> np.ndarray:
+def _same(*keys: Ints) -> Bools:
     """True where two entries are equal in every key (n,), shape (n, n)."""
     return np.asarray(np.all([key[:, None] == key for key in keys], axis=0))
 
@@ -505,7 +503,7 @@ class Evidence:
         self.gains: Floats = np.array([fit - base for fit in fits]).reshape(-1, len(value))
 
     @property
-    def questioned(self) -> NDArray[np.bool_]:
+    def questioned(self) -> Bools:
         """True where a question is due, shape (q,)."""
         together = (self.gains > math.log(RATIO)).any(axis=0)
         return np.asarray((self.tail < RARE) | together)
@@ -603,7 +601,7 @@ def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
     steps = [readings.steps[i] for i in rows]
     whole, paired = np.array(readings.fresh)[rows] == 0, readings.partner[rows] >= 0
 
-    def since(doubt: Doubt, words: str, mine: NDArray[np.bool_]) -> Question:
+    def since(doubt: Doubt, words: str, mine: Bools) -> Question:
         first = steps[int(np.argmax(mine))].number
         return Question(doubt, f"{words} since step {first}?", first)
 

@@ -9,7 +9,7 @@ import pytest
 
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
 from orthoglide_cal.session.dialogue import session_file
-from orthoglide_cal.session.events import create, decode
+from orthoglide_cal.session.events import Journal
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
 from tests.session.virtual import opened, taken
@@ -109,7 +109,7 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
         Path("machine.yaml").write_text(plain)
         done("apply", "one.yaml", "--yes")
         begun = opened(source=("simulated",), seed=1)
-        create(Path("practice.journal"), begun, taken(1, 0.1))
+        Journal.create(Path("practice.journal"), begun, taken(1, 0.1))
         first, second, third = re.findall("orthocal .*(?=\n)", done().partition("Next")[2])
         assert first == "orthocal measure"
         assert session_file(None, Path(), resume=False) == Path("session.yaml")
@@ -120,7 +120,7 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
         assert re.search("orthocal .*", done().partition("Next")[2])[0].endswith(" one.csv")
         assert "asks before" in refused(2, *third.split()[1:])
         assert run(*third.split()[1:], "--yes").stderr == "Given up; kept as practice.discarded.\n"
-        assert len(decode(Path("practice.discarded").read_bytes(), "j").events) == 2
+        assert len(Journal.decode(Path("practice.discarded").read_bytes(), "j").events) == 2
         assert "no unfinished session" in refused(2, *third.split()[1:], "--yes")
     run("simulate", "--seed", "2", "--output", "two.yaml")
     assert "orthocal verify one.yaml two.yaml" in done()

@@ -12,7 +12,7 @@ from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.planning.plan import rank_measurements
-from orthoglide_cal.session.events import Event, decode
+from orthoglide_cal.session.events import Event, Journal
 
 SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")
 
@@ -54,4 +54,4 @@ def content(path: Path) -> dict[str, Any]:
 
 
 def events_of(path: Path) -> tuple[Event, ...]:
-    return decode(path.read_bytes(), "j").events
+    return Journal.decode(path.read_bytes(), "j").events

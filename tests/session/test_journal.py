@@ -30,8 +30,6 @@ from orthoglide_cal.session.events import (
     Taken,
     Undone,
     advance,
-    create,
-    decode,
     encode,
     replay,
 )
@@ -67,7 +65,7 @@ def test_records_of_another_shape_are_refused(record: str) -> None:
 def test_the_format_on_the_disk_is_that_of_version_1() -> None:
     """Byte for byte: every program that knows this version reads what another one wrote."""
     data = (HERE / "version_1.journal").read_bytes()
-    events = decode(data, "j").events
+    events = Journal.decode(data, "j").events
     assert events == (
         opened(
             machine="name: µ\n", order=Order.FEWEST_MOVES, source=("simulated",), seed=7,
@@ -98,7 +96,7 @@ def test_every_byte_of_every_last_record_cut_off() -> None:
     states = [replay(events[: count + 1]) for count in range(len(events))]
     for count, (begin, end) in enumerate(itertools.pairwise(ends)):
         for cut in range(begin, end):
-            found = decode(data[:cut], "j")
+            found = Journal.decode(data[:cut], "j")
             # Only when nothing but the line end is missing the record is there already.
             expected = count + 1 if cut == end - 1 else count
             assert len(found.events) == expected + 1
@@ -109,7 +107,7 @@ def test_every_byte_of_every_last_record_cut_off() -> None:
 def test_a_power_loss_that_leaves_zeros_or_rubbish_is_a_cut() -> None:
     data, ends = written(eventful())
     for tail in (b"\0" * 300, b"\0", b'{"crc32":"00000000","record":{}}\n', b"\xff\xfe rubbish"):
-        found = decode(data[: ends[4]] + tail, "j")
+        found = Journal.decode(data[: ends[4]] + tail, "j")
         assert list(found.events) == eventful()[:5]
         assert found.lost == len(tail)
 
@@ -121,24 +119,24 @@ def test_any_changed_byte_before_the_last_record_is_noticed(mask: int) -> None:
         changed = bytearray(data)
         changed[at] ^= mask
         with pytest.raises(InputError):
-            decode(bytes(changed), "j")
+            Journal.decode(bytes(changed), "j")
 
 
 def test_removed_and_exchanged_records_are_noticed() -> None:
     lines = written(eventful())[0].splitlines(keepends=True)
     with pytest.raises(InputError, match="line 3"):
-        decode(b"".join(lines[:2] + lines[3:]), "j")
+        Journal.decode(b"".join(lines[:2] + lines[3:]), "j")
     altered = written([opened(), taken(1, -0.64), taken(2, 0.4)])[0].replace(b"-0.64", b"-0.65")
     with pytest.raises(InputError, match=r"line 2.* the entry of step 1 does not match"):
-        decode(altered, "j")
+        Journal.decode(altered, "j")
     with pytest.raises(InputError, match="line 4"):
-        decode(b"".join([*lines[:3], lines[4], lines[3], *lines[5:]]), "j")
+        Journal.decode(b"".join([*lines[:3], lines[4], lines[3], *lines[5:]]), "j")
 
 
 @pytest.mark.parametrize("data", [b"", b"\n", b"hello\n", b"leg,posture\nx,iso\n", b"\0" * 9])
 def test_other_files_are_refused(data: bytes) -> None:
     with pytest.raises(InputError):
-        decode(data, "other.txt")
+        Journal.decode(data, "other.txt")
 
 
 def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Path) -> None:
@@ -152,7 +150,7 @@ def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Pat
             assert path.read_bytes() == data[:cut]  # looking at it changes nothing
             journal.append(Noted(at=AT, step=1, text="after"))
             journal.append(Noted(at=AT, step=1, text="again"))
-        found = decode(path.read_bytes(), "j")
+        found = Journal.decode(path.read_bytes(), "j")
         assert list(found.events) == [
             *kept,
             Noted(at=AT, step=1, text="after"),
@@ -165,7 +163,7 @@ def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     path.write_text("precious")
     with pytest.raises(UsageError, match="exists"):
-        create(path, opened())
+        Journal.create(path, opened())
     assert path.read_text() == "precious"
 
 
@@ -174,7 +172,7 @@ def test_a_full_disk_loses_nothing_that_was_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
 ) -> None:
     path, stack = tmp_path / "s.journal", ExitStack()
-    create(path, opened())
+    Journal.create(path, opened())
     journal = Journal.resume(path, stack)
     journal.append(taken(1, 0.1))
     before = path.read_bytes()
@@ -197,13 +195,13 @@ def test_a_full_disk_loses_nothing_that_was_there(
     monkeypatch.undo()
     journal.append(taken(2, 0.2))  # space was made: it goes on
     stack.close()
-    assert replay(decode(path.read_bytes(), "j").events).accepted.keys() == {1, 2}
+    assert replay(Journal.decode(path.read_bytes(), "j").events).accepted.keys() == {1, 2}
 
 
 @pytest.mark.parametrize("what", ["removed", "replaced", "longer", "shorter"])
 def test_a_journal_that_is_taken_away_stops_the_session(tmp_path: Path, what: str) -> None:
     path = tmp_path / "s.journal"
-    create(path, opened())
+    Journal.create(path, opened())
     with ExitStack() as stack:
         journal = Journal.resume(path, stack)
         journal.append(taken(1, 0.1))

@@ -14,7 +14,7 @@ from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session import events as journal_module
 from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.events import Opened, create, decode, replay
+from orthoglide_cal.session.events import Journal, Opened, replay
 from orthoglide_cal.session.gauges import SimulatedGauge
 
 from .virtual import (
@@ -88,7 +88,7 @@ def killed_once(
     def run() -> None:
         gauge, first = simulated(protocol, cycles)
         if not path.exists():
-            create(path, first)
+            Journal.create(path, first)
         journal_module.os = deadly(phase)  # type: ignore[attr-defined]
         steps: list[int] = []
 
@@ -117,7 +117,7 @@ def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles
     for count in range(1, 200):
         status, said = killed_once(path, phase, protocol, cycles)
         acknowledged |= set(said)
-        state = replay(decode(path.read_bytes(), str(path)).events)
+        state = replay(Journal.decode(path.read_bytes(), str(path)).events)
         assert acknowledged <= set(state.accepted)
         if status == 0:
             return count

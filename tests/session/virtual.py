@@ -34,7 +34,6 @@ from orthoglide_cal.session.events import (
     Taken,
     Undone,
     advance,
-    create,
     replay,
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
@@ -222,7 +221,7 @@ def a_dialogue(
     The last is what closes its journal.
     """
     if not path.exists():
-        create(path, first or opened())
+        Journal.create(path, first or opened())
     journal = Journal.resume(path, stack := contextlib.ExitStack())
     begun = journal.events[0]
     steps = begun.session.steps(PROTOTYPE)

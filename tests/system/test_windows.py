@@ -12,7 +12,7 @@ import pytest
 
 from orthoglide_cal import system
 from orthoglide_cal.session.asking import Keyboard
-from orthoglide_cal.session.events import Journal, create
+from orthoglide_cal.session.events import Journal
 from tests.session.virtual import answered, opened
 
 
@@ -101,7 +101,7 @@ def test_a_journal_is_locked_far_behind_its_end(
     msvcrt = Msvcrt()
     windows(monkeypatch, msvcrt)
     path, stack = tmp_path / "s.journal", ExitStack()
-    create(path, opened())
+    Journal.create(path, opened())
     Journal.resume(path, stack)
     ((_, byte),) = msvcrt.locked
     assert byte > 1_000_000_000 > path.stat().st_size

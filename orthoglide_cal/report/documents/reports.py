@@ -381,12 +381,10 @@ def _verification_notice(result: Verification) -> doc.Notice:
     if unsure and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
     known = [*result.reservations]
-    for reservation in result.reservations:
-        of = reservation.data.get("reason")
-        if tone is not doc.Tone.BAD and isinstance(of, Reason) and of.code in INVALIDATING:
-            title, lines = says(reservation).rstrip("."), [f"{title}.", *lines]
-            known.remove(reservation)
-            break
+    worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in INVALIDATING]
+    if worthless and tone is not doc.Tone.BAD:
+        title, lines = says(worthless[0]).rstrip("."), [f"{title}.", *lines]
+        known.remove(worthless[0])
     return doc.Notice(tone, title, (*lines, *(doc.doubtful(says(doubt)) for doubt in known)))
 
 

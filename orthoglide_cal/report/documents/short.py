@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
+from orthoglide_cal.errors import command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check, Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.files.tree import yaml_text
@@ -34,15 +34,9 @@ def machine_document(model: Model) -> doc.Document:
     return doc.Document(lambda: values, lambda: page)
 
 
-def check_document(
-    check: Check, source: Source | None = None, refused: UnusableResultError | None = None
-) -> doc.Document:
-    """One line for the file; two for each fault: where and what, then the remedy.
-
-    `refused` says why its data give no offsets although nothing is wrong with the file.
-    """
-    checked = check.changed(refused=str(refused) if refused else None)
-    path, kind = file_words(check.input.path), check.input.kind
+def check_document(check: Check, source: Source | None = None) -> doc.Document:
+    """One line for the file; two for each fault: where and what, then the remedy."""
+    path, kind, refused = file_words(check.input.path), check.input.kind, check.refused
     lines = [f"{path}: {counted(len(check.problems), 'fault')}"]
     word = "no fault, but see the notes" if check.doubtful else "fine"
     if kind == "machine":
@@ -61,7 +55,7 @@ def check_document(
     lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
     lines += [f"  note: {sentence(remark)}" for remark in check.remarks]
     page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])
-    return doc.Document(partial(checked.model_dump, mode="json", context=sentence), lambda: page)
+    return doc.Document(partial(check.model_dump, mode="json", context=sentence), lambda: page)
 
 
 def application_document(application: Application) -> doc.Document:
