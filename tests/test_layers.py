@@ -5,11 +5,17 @@ Each test reads every file and names all places that break its rule.
 
 import ast
 import functools
+import inspect
 import itertools
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
 import yaml
+
+from orthoglide_cal.model.kinds import MACHINES
+from orthoglide_cal.model.machine import Machine
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "orthoglide_cal"
@@ -106,26 +112,6 @@ def test_hardly_anything_is_of_any_type() -> None:
     none(found if len(found) > RULES["most_any"] else ())
 
 
-def test_nobody_compares_the_kind_of_machine() -> None:
-    """What kinds do differently is theirs: fields and methods of machine, plan and instrument.
-
-    Outside `model` no `isinstance`, `match` or comparison names a class of one kind, or its `kind`.
-    """
-    named = {*KINDS, "'orthoglide'", "'linear_delta'"}
-    faults = []
-    for name, node in nodes(ast.Call, ast.MatchClass, ast.Compare):
-        asked: list[ast.AST] = []
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass"):
-            asked = list(ast.walk(node.args[-1]))
-        elif isinstance(node, ast.MatchClass):
-            asked = [node.cls]
-        elif isinstance(node, ast.Compare):
-            asked = [node.left, *node.comparators]
-        if named & {ast.unparse(part).rpartition(".")[2] for part in asked}:
-            faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
-    none(fault for fault in faults if room_of(fault.partition(":")[0]) != "model")
-
-
 def test_only_who_makes_or_reads_one_knows_a_kind_of_machine() -> None:
     faults, idle = [], {*RULES["needing"]}
     for name, node in nodes(ast.ImportFrom):
@@ -147,14 +133,74 @@ def test_no_other_room_knows_the_class_of_a_cause() -> None:
         assert not known or name.startswith(causes), (name, known)
 
 
+def stated(of: object, name: str) -> bool:
+    """Whether a kind, or its words, gives something that takes no argument; or is not empty."""
+    value = getattr(of, name, None)
+    bare = callable(value) and len(inspect.signature(value).parameters) == 1
+    if callable(value) or isinstance(value, property):
+        return name in vars(of) and (bare or isinstance(value, property))
+    return isinstance(value, np.ndarray) or bool(value)
+
+
+def truths(node: ast.AST) -> list[ast.expr]:
+    """Expressions of which a node takes the truth, by which it multiplies, or that it compares with
+    a constant."""
+    values = node.values if isinstance(node, ast.BoolOp) else []
+    constant = isinstance(getattr(node, "comparators", [None])[-1], ast.Constant)
+    sides = ("left", "right") if constant or isinstance(getattr(node, "op", None), ast.Mult) else ()
+    one = (getattr(node, name, None) for name in ("test", "operand", *sides))
+    return [*filter(None, one), *getattr(node, "ifs", []), *values]
+
+
+def ends(node: ast.AST) -> tuple[str, str]:
+    """Last two parts of a dotted name; of a call those of its function, or of what it counts."""
+    while isinstance(node, ast.Call | ast.NamedExpr | ast.Subscript):
+        counts = isinstance(node, ast.Call) and ast.unparse(node.func) in ("bool", "len", "any")
+        inner = node.value if not isinstance(node, ast.Call) else node.func
+        node = node.args[0] if counts else inner
+    named = isinstance(node, ast.Name | ast.Attribute | ast.Constant)
+    *_, owner, name = ["", "", *(ast.unparse(node) if named else "").split(".")]
+    return owner, name.strip("'")
+
+
+def asks(file: str, differing: Collection[str]) -> Iterator[int]:
+    """Lines of a file that ask for the kind, under whatever local name."""
+    owners, asking = {"machine", "kind", "vocabulary", "words", "MACHINES"}, {*QUESTIONS}
+    owners |= {
+        node.arg for node in nodes_of(file, ast.arg)
+        if {*KINDS, "Machine", "Vocabulary"} & {*re.findall(r"\w+", ast.unparse(node))}
+    }  # fmt: skip
+    for node in nodes_of(file, ast.Assign, ast.NamedExpr):
+        for target in getattr(node, "targets", None) or [node.target]:
+            both = (getattr(part, "elts", [part]) for part in (target, node.value))
+            for to, (owner, name) in ((to, ends(value)) for to, value in zip(*both, strict=False)):
+                owners |= {ast.unparse(to)} if name in owners else set()
+                asking |= {ast.unparse(to)} if owner in owners and name in differing else set()
+    for node in nodes_of(file, ast.expr, ast.stmt, ast.comprehension, ast.MatchClass):
+        for part, (owner, name) in ((part, ends(part)) for part in truths(node)):
+            if name in asking or (owner in owners and name in differing):
+                yield part.lineno
+        called = ends(node.func)[1] if isinstance(node, ast.Call) else ""
+        compared = isinstance(node, ast.Compare | ast.MatchClass)
+        names = {ends(part)[1] for part in ast.walk(node)} if compared or called[:2] == "is" else {}
+        of_machine = called == "type" and {ends(part)[1] for part in node.args} & owners
+        if called in QUESTIONS or of_machine or {*KINDS, *MACHINES} & {*names}:
+            yield node.lineno
+
+
 def test_hardly_anybody_asks_for_the_kind_of_machine() -> None:
-    """Where readers and writers of one kind begin, and where gauges are planned."""
-    kind_files = [f"{PACKAGE}.model.{file}" for file in RULES["kind_files"]]
-    lines = {
-        f"{name}:{node.lineno}"
-        for name, node in nodes(ast.Attribute)
-        if node.attr in QUESTIONS and name not in kind_files
-    }
+    """Where readers and writers of one kind begin, and where gauges are planned.
+
+    An ask is a class that is required or compared, a table by kinds, the type of a machine, and
+    whether there is something that one kind states and another leaves empty.
+    """
+    kinds, own = [*MACHINES.values()], {f"{PACKAGE}.model.{name}" for name in RULES["kind_files"]}
+    differing = {*RULES["for_some_kinds"].split()} | {
+        name for some in (kinds, [kind.vocabulary for kind in kinds]) for name in dir(some[0])
+        if name[0] != "_" and name not in Machine.model_fields
+        and len({stated(one, name) for one in some}) > 1
+    }  # fmt: skip
+    lines = {f"{file}:{line}" for file in {*FILES} - own for line in asks(file, differing)}
     none(sorted(lines) if len(lines) > RULES["most_questions"] else ())
 
 

@@ -4,7 +4,6 @@ from functools import partial
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
-from orthoglide_cal.cli.export import released
 from orthoglide_cal.cli.measure import guided
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 
@@ -38,10 +37,10 @@ def adjust(
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
-        if HOME_SWITCH.usual(type(known)) is None:
+        if HOME_SWITCH.usual(known) is None:
             fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
-        released(common.judged(given, diagnosed=diagnosis))
+        common.judged(given, diagnosed=diagnosis).require_usable()
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
     if given.measured.source.simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
-from orthoglide_cal.cli.export import released
 from orthoglide_cal.errors import UsageError
 
 
@@ -56,8 +55,9 @@ def apply(
         file = file_to_record_in(given, keeper, controller) or common.own_machine_file(None)
         check_not_adjusted(given)
         corrects = controller.corrects(given.model.machine) if controller else ()
-        answer = released(common.judged(given, corrects=corrects)).answer
-        entry = application(given, answer, file, datetime.now().astimezone(), controller)
+        case = common.judged(given, corrects=corrects)
+        case.require_usable()
+        entry = application(given, case.answer, file, datetime.now().astimezone(), controller)
     document, target = application_document(entry), entry.file.document.path
     if entry.changes:
         entry.check_writable()

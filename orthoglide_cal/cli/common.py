@@ -26,7 +26,6 @@ from orthoglide_cal.errors import (
     InputError,
     OrthocalError,
     UsageError,
-    command,
     file_words,
     visible,
     visible_lines,
@@ -146,7 +145,6 @@ def argument(
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
 # The first command in a folder for practice.
-PRACTISE = command("measure", options="--gauge simulated")
 # What may be left out.
 Text = str | None
 Texts = list[str] | None

@@ -1,13 +1,10 @@
 """`orthocal export`: the offsets for the controller, unless they must not be used."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, File, Text, Texts, argument, flag, option
-from orthoglide_cal.errors import UnusableResultError, UsageError
-
-if TYPE_CHECKING:
-    from orthoglide_cal.report.case import Case
+from orthoglide_cal.errors import UsageError
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
 
@@ -47,7 +44,8 @@ def export(
         remedy = f"Choose one of {', '.join(known.controller_formats)}, or text."
         raise UsageError(f"{fault} {known.kind}.", remedy)
     check_measured(given)
-    case = released(common.judged(given, method=method, details=json), force)
+    case = common.judged(given, method=method, details=json)
+    case.require_usable(force)
     identity = identify([given], case.answer.method, machine)
     if format == "table":
         text = controller.as_table(compensation(given.model), case, identity)
@@ -58,20 +56,3 @@ def export(
         common.tell(f"FORCED: {' '.join(map(case.says, case.answer.release.reasons))}")
     title = f"{case.words.title} {identity.number}"
     common.put(text, target, f"{title} written to {target}")
-
-
-def released(case: "Case", force: bool | None = None) -> "Case":
-    """An answer that may be used, or is forced to be (None: it cannot be forced).
-
-    Raises UnusableResultError: it must not be used; with what to do instead.
-    """
-    from orthoglide_cal.report.document import parts_of
-
-    release, known = case.answer.release, case.answer.parameters
-    if known and (release.usable or force):
-        return case
-    remedies = [" ".join(part.text for part in parts_of(step)) for step in case.remedies()]
-    if known and force is not None:
-        remedies.append("To export it anyway, marked as FORCED: --force")
-    why = " ".join(map(case.says, release.reasons))
-    raise UnusableResultError(f"Do not use these {case.words.many}. {why}", "\n".join(remedies))

@@ -24,9 +24,7 @@ Answers = dict[str, Any]  # dotted key of the file → its value
 _BACK = "<"
 
 machine = typer.Typer(
-    help="Make a machine file, or show one.",
-    rich_markup_mode=None,
-    add_completion=False,
+    help="Make a machine file, or show one.", rich_markup_mode=None, add_completion=False
 )
 
 
@@ -137,9 +135,8 @@ def new(
     common.tell(
         f"Written to {target}, with the usual size of each error (tolerances). Check its values."
     )
-    guided = MACHINES[kind].vocabulary.measure
-    first = command(MACHINES[kind].first_steps[0][1])
-    following = common.PRACTISE if practice and guided else first
+    of = MACHINES[kind]
+    following = command((of.practice_steps if practice else of.first_steps)[0][1])
     try:
         machine_in_folder(target.parent)
     except UsageError as several:

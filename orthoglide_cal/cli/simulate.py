@@ -120,7 +120,7 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 
     head, _, sizes = text.partition("=")
     id, _, place = (part.strip() for part in head.partition("@"))
-    possible = [id for id, cause in CAUSES.items() if cause.usual(type(machine)) is not None]
+    possible = [id for id, cause in CAUSES.items() if cause.usual(machine) is not None]
     if id not in possible:
         where = f" of kind {machine.kind}" if id in CAUSES else ""
         fault = f"There is no cause {id!r}{where}."

@@ -9,12 +9,15 @@ from orthoglide_cal.errors import InputError, OrthocalError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.machine_file import StoredMachine
+    from orthoglide_cal.model.machine import Machine
     from orthoglide_cal.report import document as doc
 
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
     from orthoglide_cal.files.input import printers_in, sessions_in
+    from orthoglide_cal.model.linear_delta import LinearDelta
+    from orthoglide_cal.model.orthoglide import Orthoglide
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.results.application import unwritten
     from orthoglide_cal.session.dialogue import is_practice, unfinished
@@ -45,14 +48,11 @@ def start() -> None:
         "Printer": ", ".join(map(str, printers)),
         "Last measured": f"{sessions[-1]}{others}" if sessions else "",
     }
-    by_probe = not machine.vocabulary.measure if machine else printers and not sessions
-    method = (
-        "a linear delta by its own probe" if by_probe else "an Orthoglide with a dial indicator"
-    )
+    kind = machine or (LinearDelta if printers and not sessions else Orthoglide)
     try:
         state, steps = list[doc.Block](), [doc.step("See its faults", command("validate", faulty))]
         if not faulty:
-            state, steps = _next(file, to, sessions, begun, printers)
+            state, steps = _next(file, kind, to, sessions, begun, printers)
     except OrthocalError as error:
         state, steps = [], [doc.step(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
@@ -66,7 +66,7 @@ def start() -> None:
         steps.append(doc.step("Check whether the machine has changed", "orthocal history ."))
     page = doc.Page(
         "orthocal",
-        f"calibration of {method}",
+        f"calibration of {kind.vocabulary.subject}",
         simulated=simulated,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts.items() if value]),
         sections=[doc.Section(None, *state), doc.next_steps(steps)],
@@ -77,6 +77,7 @@ def start() -> None:
 
 def _next(
     file: "StoredMachine | None",
+    kind: "Machine | type[Machine]",
     to: str | None,
     sessions: list[Path],
     waiting: list[Path],
@@ -84,12 +85,11 @@ def _next(
 ) -> "tuple[list[doc.Block], list[doc.Line]]":
     """State, and steps that come next: machine, measure, enter, measure again, verify, report.
 
-    `to`: the controller's file of a change that is recorded and was not written.
+    `kind`: the machine, or the kind that the files suggest. `to`: the controller's file of a change
+    that is recorded and was not written.
     """
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.text import read_document
-    from orthoglide_cal.model.linear_delta import LinearDelta
-    from orthoglide_cal.model.orthoglide import Orthoglide
     from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.document import step
     from orthoglide_cal.report.documents.answer import decision_notice, to_do
@@ -113,10 +113,8 @@ def _next(
         begin = []
         if not (machine or printers):
             begin.append(step("Describe the machine", "orthocal machine new"))
-        if machine and machine.practice and machine.vocabulary.measure:
-            return [], [step("Practise without a machine", common.PRACTISE)]
-        kind = type(machine) if machine else LinearDelta if printers else Orthoglide
-        for text, verb, usual in kind.first_steps:
+        practising = machine and machine.practice
+        for text, verb, usual in kind.practice_steps if practising else kind.first_steps:
             path = str(printers[-1]) if usual and printers else usual
             begin.append(step(text, command(verb, *filter(None, [path]))))
         return [], begin

@@ -225,8 +225,6 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
     in any case. Arguments as of `influences`.
     """
-    if not model.machine.fixed_parameters:
-        return ()  # without a simulation
     return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 

@@ -47,7 +47,7 @@ from orthoglide_cal.estimation.budget import (
     influences,
 )
 from orthoglide_cal.estimation.gaussian import shrink, shrinking, unexplained, whiten, whiten_shared
-from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
+from orthoglide_cal.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
@@ -362,9 +362,7 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
     return LeastSquaresFit(
-        offsets.reshape(*batch, width),
-        residual.reshape(data.shape),
-        left.reshape(batch),
+        offsets.reshape(*batch, width), residual.reshape(data.shape), left.reshape(batch)
     )
 
 
@@ -560,10 +558,11 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     machine, matrix = problem.model.machine, problem.at_zero[1]
     fault = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
     fault = f"These readings do not determine {fault}."
-    if machine.vocabulary.fewest:
-        raise UnusableResultError(fault, machine.vocabulary.fewest)
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    ideal = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
+    try:
+        ideal = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
+    except UsageError as error:  # no differences of postures
+        raise UnusableResultError(fault, machine.vocabulary.fewest) from error
     sensitivity = ideal.at_zero[1]
     scale, chosen = np.abs(sensitivity).max(), list[str]()
     while len(free := _free_directions(matrix, scale)):

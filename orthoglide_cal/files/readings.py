@@ -40,7 +40,7 @@ from orthoglide_cal.model.linear_delta import touching
 from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
@@ -782,7 +782,8 @@ def probe_points_csv(readings: Readings) -> str:
 
 def _differences(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
-    rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
+    longest = {"value_mm": machine.leg_mm}
+    rows = Rows(table, DifferenceRow, longest=longest, travel=machine.limits_mm)
     remarks = [*rows.remarks]
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
@@ -826,12 +827,12 @@ def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
     try:
         if probed:
             return _touches(table, machine.bed)
-        gauged = Orthoglide.require(machine)
+        read = _differences if "difference" in columns else readings_in
+        return read(table, machine)
     except UsageError as error:
         fault = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
         line = table.header_line
         raise InputError(fault, error.remedy, file=document.path, line=line) from error
-    return (_differences if "difference" in columns else readings_in)(table, gauged)
 
 
 # --- sessions -----------------------------------------------------------------------------------
@@ -954,10 +955,12 @@ def session_from_tree(
         header = "leg, posture, direction, reading_mm or difference, value_mm"
         remedy = f"A CSV has a header with {header}; a session has `readings:`."
         raise InputError(fault, remedy, file=tree.file, line=1)
-    if model and not model.machine.vocabulary.measure:
-        none = f"a machine of kind {model.machine.kind} has none."
-        fault = f"The session was read with gauges; {none}"
-        raise InputError(fault, "Leave --machine out.", file=tree.file)
+    try:
+        if model:
+            model.machine.check_guided()
+    except UsageError as error:
+        fault = f"The session was read with gauges. {error.what}"
+        raise InputError(fault, "Leave --machine out.", file=tree.file) from error
     recorded = machine_file.machine_in(tree, ("machine",))
     replaced = Rows(tree, ReadingRow, ("retaken",))
     skipped = Rows(tree, ReadingRow, ("skipped",), wanted=False)

@@ -207,7 +207,7 @@ class Whitened(ReadOnly):
     def scaled(self, factor: float, causes: Iterable[Cause]) -> Whitened:
         """The same with the plausible sizes of these causes multiplied."""
         machine = self.machine
-        usual = (cause for cause in causes if cause.usual(type(machine)) is not None)
+        usual = (cause for cause in causes if cause.usual(machine) is not None)
         sizes = {cause.id: factor * cause.stated(machine) for cause in usual}
         machine = machine.changed(tolerances={**machine.tolerances, **sizes})
         model = replace(self.problem.model, machine=machine)

@@ -2,7 +2,7 @@
 
 A technician is told that nothing is wrong, a name, several answers that are left open, or that no
 listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
-is in `estimation.losses`. No probability is compared with a number of its own.
+is in `losses`. No probability is compared with a number of its own.
 """
 
 import math
@@ -15,7 +15,14 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import probabilities
-from orthoglide_cal.estimation.losses import (
+from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual
+from orthoglide_cal.inference.belief import Belief
+from orthoglide_cal.inference.data import Ids
+from orthoglide_cal.inference.fit import MISFIT, Fit
+from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
+from orthoglide_cal.inference.patterns import PASSING, fits_of
+from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.losses import (
     DISMISSED,
     FALSE_RELEASE,
     MENTION,
@@ -25,13 +32,6 @@ from orthoglide_cal.estimation.losses import (
     WRONG_NAME,
     is_likely,
 )
-from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual
-from orthoglide_cal.inference.belief import Belief
-from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.fit import MISFIT, Fit
-from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
-from orthoglide_cal.inference.patterns import PASSING, fits_of
-from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.model import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -164,7 +164,7 @@ class Decision(Belief):
         """A set with the shape in place of all that might make it; itself without one."""
         makers = {id for id in ids if CAUSES[id].repeats}
         replaced = tuple(sorted({self.shape} | set(ids) - makers))
-        return replaced if self.shape and makers and replaced in self.listed else ids
+        return replaced if makers and replaced in self.listed else ids
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
@@ -185,7 +185,7 @@ class Decision(Belief):
         best, same = self.best, self.same_answer(self.best)
         listed = self.listed
         held = {self.as_shape(best)}
-        if self.shape and any(CAUSES[id].repeats for id in best):
+        if (self.shape,) in listed and any(CAUSES[id].repeats for id in best):
             # It leaves open what makes the shape: the likeliest with each cause that is doubted.
             for doubted in set(self.white.machine.doubted) - set(best):
                 held.update([ids for ids in listed if doubted in ids][:1])
@@ -201,7 +201,7 @@ class Decision(Belief):
         plausible as not beforehand, to look for them would cost more than to miss them."""
         best = self.best
         adding = (ids for ids in self.listed if is_sizeless(ids, best) and self.is_open(ids))
-        least = math.log(self.hold / MISSED_FAULT)
+        least = math.log(self.white.machine.needless_hold / MISSED_FAULT)
         return tuple(ids for ids in adding if self.gain(ids, best) < least)
 
     def nearly_dismissed(self, ids: Ids) -> bool:
@@ -213,23 +213,18 @@ class Decision(Belief):
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Return whether to look for what a set adds to a part of it costs more than to miss it."""
         both, alone = (self.share(self.answer_of(one)) for one in (ids, part))
-        return both * MISSED_FAULT < self.hold * alone
-
-    @property
-    def hold(self) -> float:
-        """Loss of a needless hold on this kind of machine [min]."""
-        return NEEDLESS_HOLD * self.white.machine.caution
+        return both * MISSED_FAULT < self.white.machine.needless_hold * alone
 
     @property
     def wrong(self) -> bool:
         """True if to look for a fault costs less than to miss one."""
-        return is_likely(self.listed[()], MISSED_FAULT, self.hold)
+        return is_likely(self.listed[()], MISSED_FAULT, self.white.machine.needless_hold)
 
     @property
     def surely_sound(self) -> bool:
         """True if nothing is wrong by so far that no fit of a cause can change it."""
         nothing = self.listed[()]
-        return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.hold
+        return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.white.machine.needless_hold
 
     @cached_property
     def verdict(self) -> Verdict:

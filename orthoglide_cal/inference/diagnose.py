@@ -19,7 +19,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.estimation.solution import Solution, fit_parameters, scatter_of_repeats
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
@@ -49,6 +48,7 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
+from orthoglide_cal.losses import DISMISSED
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import NORMAL_K, Cause, Effect, Model, Place
@@ -86,7 +86,7 @@ class Diagnosis(Decision):
         """
         hypotheses = self.hypotheses
         ids = self.best if self.verdict is Verdict.UNEXPLAINED else self.accepted
-        if not self.shape or (self.shape,) not in hypotheses:
+        if (self.shape,) not in hypotheses:
             return self.fit
         beside = (id for id in ids if not CAUSES[id].repeats)
         with_shape = tuple(sorted((self.shape, *beside)))
@@ -551,7 +551,7 @@ class Diagnosis(Decision):
         for pattern in self.acting:
             if pattern.how in PASSING:
                 value = value - np.array(pattern.effect_mm)
-        return replace(measured, value=value)
+        return measured if value is measured.value else replace(measured, value=value)
 
     @property
     def unsure_mm(self) -> Floats:

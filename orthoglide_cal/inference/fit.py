@@ -20,9 +20,8 @@ from scipy.special import chdtrc, log_ndtr
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
-from orthoglide_cal.estimation.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.estimation.solution import Contrasts, rms
-from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Linearised, Whitened, ids_of
+from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -33,6 +32,7 @@ from orthoglide_cal.inference.hypothesis import (
     others_wrong,
     pattern_densities,
 )
+from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
@@ -84,11 +84,6 @@ class Fit(ReadOnly):
     scale_factor: float  # how many times as large as stated a local shape is
     uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
     seen: Floats  # what of it shows where it was linearised, shape (k, b) [mm]
-
-    @property
-    def linearised(self) -> Linearised:
-        """The linear model that it began with."""
-        return self.hypothesis.linearised
 
     @cached_property
     def offsets(self) -> Floats:
@@ -259,7 +254,7 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     large as these data make it.
     """
     fit = begun = _begin(hypothesis, scale_factor)
-    at, white, slopes = fit.linearised, fit.linearised.white, fit.derivatives
+    at, white, slopes = hypothesis.linearised, hypothesis.linearised.white, fit.derivatives
     step, rounds = math.inf, 0
     width, end = len(fit.start), slopes.shape[1]
     data = at.versions[hypothesis.version] - hypothesis.added
@@ -343,12 +338,12 @@ def _settle(fit: Fit) -> Fit:
 
     What a stand's place does to the readings depends on how the touched surface lies.
     """
-    white, derivatives, width = fit.linearised.white, fit.derivatives, len(fit.start)
+    at, derivatives, width = fit.hypothesis.linearised, fit.derivatives, len(fit.start)
     caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
     stands = any(influence.source == Origin.GAUGE_PLACEMENT for influence in fit.uncertain)
     if not stands or rms(caused) <= STEEP * fit.noise.stated:
         return fit
-    offsets, effects = fit.state
+    (offsets, effects), white = fit.state, at.white
     known = white.problem.model.extended(effects)
     try:
         gauges = white.machine.uncertain(white.plan, lambda other: simulate(known, offsets, other))
@@ -357,7 +352,7 @@ def _settle(fit: Fit) -> Fit:
         return fit
     uncertain = tuple(anew.get(influence.source, influence) for influence in fit.uncertain)
     columns = [fit.columns[:, : fit.first_uncertain], white.side_by_side(uncertain)]
-    seen = fit.linearised.shown(uncertain, derivatives[:, :width])
+    seen = at.shown(uncertain, derivatives[:, :width])
     return replace(fit, uncertain=uncertain, columns=np.hstack(columns), seen=seen)
 
 
@@ -366,7 +361,7 @@ def _evidence(fit: Fit) -> tuple[Floats, float]:
 
     Of a relabelling only the place at which it was undone.
     """
-    hypothesis, at, seen, weight = fit.hypothesis, fit.linearised, fit.seen, 0.0
+    hypothesis, at, seen, weight = fit.hypothesis, fit.hypothesis.linearised, fit.seen, 0.0
     base, extra, data = hypothesis.base, hypothesis.extra, fit.linear + hypothesis.added
     placed = None if extra is None else hypothesis.at.extras[extra.cause.id]
     if extra is not None and placed is not None:
@@ -384,7 +379,7 @@ def _evidence(fit: Fit) -> tuple[Floats, float]:
         log = by_noise[0]
     else:
         blocks = pattern_densities(at, placed, density, data, by_noise)
-        log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
+        log = log_sum(np.stack([log_sum(log[0], -1) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
     if base and alone:
         (evidence,) = all_or_one(at, base, data, [evidence], [fit.derivatives])

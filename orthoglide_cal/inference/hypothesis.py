@@ -406,16 +406,15 @@ def _at_best_place(
         sizes = len(cause.counts or BLUNDER_SCALES)
         logs = pattern_densities(at, placed, density, at.residuals[0], by_version[..., 0])
     else:
-        undone = by_version[..., None, placed.first : placed.first + places] + placed.weights
+        undone = by_version[..., placed.first : placed.first + places] + placed.weights
         logs = iter([(np.arange(places), undone)])
-    by_place = np.full((len(bases), sizes, places), -math.inf)
-    likeliest = np.zeros(by_place.shape, dtype=np.int8)  # among the scales
-    for chosen, log in logs:
+    every = np.full((len(bases), sizes * places), -math.inf)
+    likeliest = np.zeros(every.shape, dtype=np.int8)  # among the scales
+    for numbers, log in logs:
         by_scale = log_sum(log, 2)
-        by_place[..., chosen] = log_sum(by_scale, 1)
-        likeliest[..., chosen] = by_scale.argmax(axis=1)
-    by_place[..., list(others)] = -math.inf
-    every = by_place.reshape(len(bases), -1)
+        every[:, numbers] = log_sum(by_scale, 1)
+        likeliest[:, numbers] = by_scale.argmax(axis=1)
+    every.reshape(len(bases), sizes, places)[..., list(others)] = -math.inf
     best, total = every.argmax(axis=1), log_sum(every, 1)
     shares = np.exp(every - total[:, None])
     # Sizes of any value are not distinguished: they are averaged over at each place.
@@ -423,7 +422,7 @@ def _at_best_place(
         shares = shares.reshape(len(shares), -1, places).sum(axis=1)
     shares.setflags(write=False)
     effects = {number: placed.numbered(number, others) for number in {*best.tolist()}}
-    number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
+    number = likeliest[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
     total += np.where([bool(base) for base in bases], LOG_ALL, 0.0)
     rows = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
@@ -436,34 +435,39 @@ def _at_best_place(
 def pattern_densities(
     at: Linearised, placed: Placed, density: Gaussian, residual: Floats, by_noise: Floats
 ) -> Iterator[tuple[Ints, Floats]]:
-    """`pattern_density` of a cause's places, some at a time: which, and (..., s, g, sizes, places).
+    """`pattern_density` of a cause's places, some at a time: numbers (m,) and (..., s, g, m).
 
-    With the weight of each place; from a residual, shape (k,) [mm] or (..., k), and its log density
-    without the cause at each σ, `by_noise` (..., s, g). Of sizes that are whole numbers not the
-    places that add nothing to the likeliest one.
+    The numbers are those of `Placed.numbered`. With the weight of each place; from a residual,
+    shape (k,) [mm] or (..., k), and its log density without the cause at each σ, `by_noise`
+    (..., s, g). Of sizes that are whole numbers not those at a place that add nothing to the
+    likeliest one.
     """
-    cause, machine = placed.cause, at.white.machine
-    if placed.patterns is None:
-        return
+    cause, machine, places = placed.cause, at.white.machine, len(placed.tried)
+    assert placed.patterns is not None
     every = density.overlap(placed.patterns, residual)
     data = density.overlap(residual[..., None], residual)
-    some = max(AT_ONCE // (by_noise.size * len(cause.counts or BLUNDER_SCALES)), 1)
+    sizes = len(cause.counts or BLUNDER_SCALES)
+    some = max(AT_ONCE // (by_noise.size * sizes), 1)
     most = np.full(by_noise.shape[:-2], -math.inf)
-    for start in range(0, len(placed.tried), some):
-        chosen = np.arange(start, min(start + some, len(placed.tried)))
+    for start in range(0, places, some):
+        chosen = np.arange(start, min(start + some, places))
         power, match = density.against(every.some(chosen), data)
+        kept: Ints | slice = slice(None)
         if cause.counts:
             # With the least and the most noise: what is lost with both is lost.
             ends = [0, -1]
             log = pattern_density(
                 machine, cause, power[..., ends, :], match[..., ends, :], by_noise[..., ends]
-            ).max(axis=(-4, -3, -2))
-            most = np.maximum(most, log.max(axis=-1))
-            counts = (log >= most[..., None] - LOST).reshape(-1, len(chosen)).any(axis=0)
-            chosen, power, match = chosen[counts], power[..., counts], match[..., counts]
+            ).max(axis=(-4, -3))
+            most = np.maximum(most, log.max(axis=(-2, -1)))
+            counts = (log >= most[..., None, None] - LOST).reshape(-1, *log.shape[-2:]).any(axis=0)
+            at_all = counts.any(axis=0)
+            chosen, power, match = chosen[at_all], power[..., at_all], match[..., at_all]
+            kept = np.flatnonzero(counts[:, at_all])
         log = pattern_density(machine, cause, power, match, by_noise)
         log += placed.weights[chosen]
-        yield chosen, log
+        numbers = np.add.outer(places * np.arange(sizes), chosen).reshape(-1)
+        yield numbers[kept], log.reshape(*by_noise.shape, -1)[..., kept]
 
 
 def pattern_density(

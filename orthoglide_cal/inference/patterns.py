@@ -63,7 +63,7 @@ Columns = tuple[Floats, Ints | None, Floats | None]
 
 def _by_mover(plan: Plan, values: Floats, parameters: Floats | None = None) -> Columns:
     """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
-    movers, shapes = plan.movers, 1 if parameters is None else len(parameters)
+    movers, shapes = plan.steps.movers, 1 if parameters is None else len(parameters)
     wide = values.reshape(len(plan), shapes, 1, -1)
     columns = movers.T[:, None, :, None] * wide
     number = np.repeat(np.arange(len(movers)), wide.shape[-1])
@@ -212,7 +212,7 @@ def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools
     """Which columns of a how show at each where and at no narrower, (w, v, q)."""
     (columns, mover, _), (_, selected, covered) = made, _wheres(plan.steps, ordered)
     n, v, q = columns.shape
-    if not 0 < q <= MOST_COLUMNS:
+    if not 0 < q <= MOST_COLUMNS or not columns.any():
         return np.zeros((len(selected), v, q), np.bool_)
     flat, some = columns.reshape(n, -1), max(AT_ONCE // n, 1)
     parts = (flat[:, start : start + some] for start in range(0, v * q, some))
@@ -245,10 +245,11 @@ def at_usual_size(fit: Fit) -> Fit:
     return replace(anew, log_evidence=log)
 
 
-def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
-    """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g).
+def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
+    """Gain of ln p at each where by each shape at each size, (w, v, s).
 
-    `chosen` are columns of the how at each where, (w, v, q); `one` is it at any.
+    `chosen` are columns of the how at each where, (w, v, q); `one` is it at any; ln p at each σ
+    without it is `noise`, (g,).
     """
     (n, v, q), sizes = one.columns.shape, one.sizes
     power, match, left = np.empty((v, q, q)), np.empty((v, q)), fit.whitened(fit.unexpected)
@@ -260,30 +261,25 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
         power[part], match[part] = turned @ white, turned @ left
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
     variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
-    gains = np.full((*chosen.shape[:2], len(sizes), len(noise2)), ABSENT)
-    # Wheres of as many columns together, since most have few.
-    some = np.asarray(chosen.any(axis=1))
-    width = some.sum(axis=1)
-    for count in np.unique(width).tolist():
-        where = np.flatnonzero(width == count)
-        number = np.nonzero(some[where])[1].reshape(-1, count)
-        shown = np.take_along_axis(chosen[where], number[:, None], 2)
-        at, shape = np.nonzero(shown.any(axis=2))
-        shown, number, shapes = shown[at, shape], number[at], shape[:, None]
-        inner = power[shapes[..., None], number[:, :, None], number[:, None]]
-        inner = inner * (shown[..., None] & shown[:, None])
-        along, size2 = match[shapes, number] * shown, inner[..., 0]
+    shown = chosen.reshape(-1, q)
+    gains, width = np.full((len(shown), len(sizes)), ABSENT), shown.sum(axis=1)
+    # Those of as many columns together, since most have few.
+    for count in {*width.tolist()} - {0}:
+        rows = np.flatnonzero(width == count)
+        number, shape = np.nonzero(shown[rows])[1].reshape(-1, count), rows[:, None] % v
+        inner = power[shape[..., None], number[:, :, None], number[:, None]]
+        size2, along = inner[..., 0], match[shape, number]
         if count > 1:
             size2, axes = np.linalg.eigh(inner)
             along = (axes.swapaxes(-1, -2) @ along[..., None])[..., 0]
         weights, matches = np.maximum(size2, 0.0)[:, None, None], along[:, None, None]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
-        gains[where[at], shape] = log
-    return gains
+        gains[rows] = log_sum(log + noise, 2)
+    return gains.reshape(*chosen.shape[:2], -1)
 
 
-def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
-    """The same of readings with more noise, (w, 1, s, g)."""
+def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
+    """The same of readings with more noise, (w, 1, s)."""
     factors = one.sizes
     rows = one.columns[:, 0] @ chosen[:, 0].T > 0.0
     everywhere = rows.all(axis=0)
@@ -292,7 +288,7 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
     gains[everywhere] = fit.log_density(wider).reshape(len(factors), -1) - fit.by_noise
     contrasts, texture = fit.white.matrix, fit.white.texture
     if not isinstance(contrasts, Contrasts):
-        return gains[:, None]
+        return log_sum(gains + noise, 2)[:, None]
     shape = () if texture is None else (texture.columns,)
     # What of a local shape is too fine to be described is noise, too, but of the bed.
     unit = _general(fit.white, fit.noise) / fit.noise.stated
@@ -321,7 +317,7 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
         log_det = np.log(kept).sum(axis=-1) + part.sum(axis=1)[:, None] * np.log1p(more2)
         by_where.append(0.5 * (square[..., None] / noise2 - log_det[..., None]))
     gains[~everywhere] = np.concatenate((gains[:0], *by_where))
-    return gains[:, None]
+    return log_sum(gains + noise, 2)[:, None]
 
 
 def _general(white: Whitened, noise: NoiseGrid) -> float:
@@ -379,8 +375,8 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
     noise = least - log_sum(fit.by_noise)
     for patterns in candidates:
         one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
-        gains = (_gains_of_noise if one.how == "scatters" else _gains)(fit, one, chosen)
-        by_shape = log_sum(gains + noise, 3)
+        gains_of = _gains_of_noise if one.how == "scatters" else _gains
+        by_shape = gains_of(fit, one, chosen, noise)
         log_shape, rows = by_shape.copy(), np.arange(len(patterns))
         # Shapes that do not show at a where are none.
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
@@ -390,10 +386,11 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
             gained[k] = log_sum(log_shape[k]) - number[k]
         best = log_shape.reshape(len(rows), -1).argmax(axis=1)
         best = by_shape.reshape(len(rows), -1)[rows, best].tolist()
+        columns = one.columns, one.mover, one.parameters
         sizes, logs = one.sizes * fit.noise.stated, (fit.log_evidence + gained).tolist()
-        for pattern, log, shape, gain in zip(patterns, logs, log_shape, best, strict=True):
-            pattern = replace(pattern, at=at, sizes=sizes, log_shape=shape, gain=gain)
-            scored.append(Hypothesis(at, log, patterns=(pattern,)))
+        for tried, log, *score in zip(patterns, logs, log_shape, best, strict=True):
+            known = at, one.how, tried.where, tried.log_prior, *columns, tried.chosen
+            scored.append(Hypothesis(at, log, patterns=(Pattern(*known, sizes, *score),)))
     return scored
 
 

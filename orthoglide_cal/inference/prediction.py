@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtrc, ndtr
+from scipy.special import ndtr
 
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import root_of, unexplained, whiten_shared
-from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
-from orthoglide_cal.estimation.solution import fit_offsets, rms
+from orthoglide_cal.estimation.solution import chance_of_residual, fit_offsets, rms
 from orthoglide_cal.inference.data import Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
+from orthoglide_cal.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
@@ -128,7 +128,7 @@ class Later(ReadOnly):
         error, jacobian, shared = (part / fit.sigma for part in self._errors(fit))
         error, by_origin = whiten_shared(shared, error, jacobian[:, :homed])
         left = unexplained(by_origin, error)
-        if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
+        if chance_of_residual(float(error @ error - left @ left), homed, 1.0) > MOVED:
             return None
         return np.asarray(np.linalg.lstsq(by_origin, error)[0])
 

@@ -8,9 +8,9 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, computed_field
 
-from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.data import Ids
+from orthoglide_cal.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.model.model import CONFIDENCE, Estimate, Model
 from orthoglide_cal.model.plan import Floats, Plan, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
@@ -18,8 +18,6 @@ from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 # Probability from which it is told that nothing may be wrong at all: to read it costs less than to
 # look in vain for a fault.
 WORTH_SAYING = MENTION / NEEDLESS_HOLD
-# Below this chance residuals are called larger than usual: words alone, nothing follows from them.
-UNUSUAL = 1.0 - CONFIDENCE
 
 
 class Verdict(StrEnum):
@@ -143,7 +141,7 @@ class LackOfFit(Schema):
         if not self.dof:
             return Reason.of("no_spare_readings", **stated)
         code = "residuals_agree"
-        if self.p_value < UNUSUAL:
+        if self.p_value < 1.0 - CONFIDENCE:  # words alone: nothing follows from them
             code = "residuals_too_large" if self.p_value < SUSPICIOUS else "residuals_unusual"
         return Reason.of(code, scatter_mm=self.residual_mm, **stated, p_value=self.p_value)
 

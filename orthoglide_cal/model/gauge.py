@@ -15,15 +15,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from orthoglide_cal.losses import TOO_STEADY
 from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints, read_only
 from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
-# Chance below which repeats are too steady. It defines how far a statement may miss the gauge: in a
-# usual session one that repeats twice as well as stated mostly passes, one four times as well not.
-CHANCE = 1e-6
 # A value may miss the gauge's divisions by this fraction of one through rounding alone.
 OFF_SCALE = 0.02
 # Readings in mm that were converted from inches are whole multiples of this step, exactly so if
@@ -84,10 +82,15 @@ class Gauge(Instrument):
         return self.revolution_mm or 0.0
 
     def doubts(self, measured: Measured) -> tuple[Reason, ...]:
-        """Doubts of readings; of differences only the decimals say something."""
+        """Doubts of readings; of differences that neither they nor means of up to ten have such
+        decimals."""
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
-        return tuple(_doubt_differences(measured.value, self))
+        value, step = measured.value, self.resolution_mm
+        written = max(len(f"{v:.9f}".rstrip("0").partition(".")[2]) for v in value.tolist())
+        means = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
+        near = any(np.all(np.abs(value - m) <= 0.5 * 10.0**-written + 1e-9) for m in means)
+        return () if near else (Reason.of("fine_differences", step_mm=step),)
 
     def implausible(self) -> dict[str, Reason]:
         step, travel = self.resolution_mm, self.range_mm
@@ -161,9 +164,9 @@ def too_steady(
     setups = np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        sizes = Counter(np.unique(repeat[mine], return_counts=True)[1].tolist())
+        sizes = Counter(filter(None, np.bincount(repeat[mine]).tolist()))
         squares = float((left[mine] ** 2).sum())
-        if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < CHANCE:
+        if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < TOO_STEADY:
             dof = sum((size - 1) * number for size, number in sizes.items())
             scatter = math.sqrt(squares / dof)
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
@@ -240,15 +243,6 @@ def _log_moments(size: int, noise: float) -> Floats:
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:
     """Where values [mm] miss all divisions of `step` [mm] by more than this fraction of one."""
     return np.asarray(np.abs(value / step - np.rint(value / step)) > allowed)
-
-
-def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Reason]:
-    """Decimals that neither differences of readings nor of means of up to ten have."""
-    step = gauge.resolution_mm
-    written = max(len(f"{v:.9f}".rstrip("0").partition(".")[2]) for v in value.tolist())
-    nearest = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
-    if not any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):
-        yield Reason.of("fine_differences", step_mm=step)
 
 
 # --- units ------------------------------------------------------------------------------------

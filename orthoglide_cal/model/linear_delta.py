@@ -30,6 +30,7 @@ from pydantic import (
 )
 
 from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.losses import COLD_HOLD
 from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
 from orthoglide_cal.model.machine import (
     HOMING_MM,
@@ -66,7 +67,7 @@ HIGH_MM = max(BLOCKS_MM)  # the higher, the less a bed imitates a frame that is 
 PLACES = (7, 13, 25, 121)  # numbers of places
 REACH = 0.95  # share of the bed's radius, within which they are
 # To tell what a bed alone does not: so many places of the bed, so many of them on blocks, too.
-SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31, 37, 49)
+SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31)
 DECIMALS = 1  # with which places are sent to a printer [mm]
 # Multiples of it, less their whole parts, are spread most evenly.
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
@@ -326,8 +327,7 @@ class LinearDelta(Machine):
     # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
     # within a factor of three, and hardly decides between causes.
     tolerance_scales = _shares((0.25, 0.7, 2.0, 5.0, 12.0, 30.0), math.log(3.0))
-    # A needless hold takes three hours: cooled, looked at, heated, calibrated, probed, printed.
-    caution = 1.5
+    needless_hold = COLD_HOLD
     # Belts have lost motion whatever else is wrong.
     companions = MappingProxyType(
         {
@@ -365,10 +365,13 @@ class LinearDelta(Machine):
         " printer.cfg. Others: probe with G30 at places all over the bed, bed mesh off, and write"
         " x, y and the height at which it triggers in a CSV: orthocal template touches. Then:"
         " orthocal diagnose FILE",
+        subject="a linear delta by its own probe",
+        everywhere="the probe",
+        anew="Probe again in the same way",
+        pushed="Calibrate again, as the push requires, and probe in the same way.",
         also=" and the bed's local shape",
         positions="places",
         repeat="Probe more places",
-        compare="Probe again, and compare",
         further="more places, and on blocks of two known heights",
     )
     first_steps = (
@@ -376,6 +379,8 @@ class LinearDelta(Machine):
         ("See the parameters", "solve", "printer.cfg"),
         ("Check the model", "diagnose", "printer.cfg"),
     )
+    settled_steps = (("See which further readings would help", "plan"),)
+    practice_steps = first_steps
     geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 
     kind: Literal["linear_delta"] = "linear_delta"

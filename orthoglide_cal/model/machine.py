@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, Self, TypeVar
 
@@ -20,11 +21,13 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
+from orthoglide_cal.losses import NEEDLESS_HOLD
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
+from orthoglide_cal.words import entered_decimals
 
 LARGEST_OFFSET_MM = 1000.0  # nobody enters more
 # The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
@@ -61,10 +64,7 @@ Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 # A group of keys that nobody changes; it may be empty in the file.
 Group = Annotated[
-    Mapping[str, T],
-    BeforeValidator(empty),
-    AfterValidator(MappingProxyType),
-    PlainSerializer(dict),
+    Mapping[str, T], BeforeValidator(empty), AfterValidator(MappingProxyType), PlainSerializer(dict)
 ]
 # Cause id → its parameters as the controller corrects them, in the unit of the cause.
 Corrections = Group[Mapping[str, Number]]
@@ -280,14 +280,16 @@ class Vocabulary:
     beyond: str  # why a value is impossible; "{limit}" stands for the largest plausible ones
     recheck: str  # what to look at where a value is impossible
     more: str  # which readings would determine more
-    fewest: str | None  # which determine all of it; None where the missing ones can be named
     noise: str  # what reads, and whose noise the readings have: "gauge"
     again: str  # what to do where nothing explains the readings
     positions: str  # at what readings are taken: "postures"
     repeat: str  # how to reduce noise
-    compare: str  # what to do once the new values are used
     further: str  # what besides the usual readings would distinguish causes
-    measure: str = ""  # the command that guides through a measurement; empty for none
+    subject: str = "a machine"  # what is calibrated, and by what
+    everywhere: str = "every reading"  # or all that read
+    anew: str = "Measure again"  # as a step
+    pushed: str = "Measure again in the same way."  # after a part was adjusted
+    fewest: str = ""  # which readings determine all of it, where missing ones have no names
     probing: str = ""  # how it is measured without a guide
     also: str = ""  # what belongs to that noise, too
     home: str = ""  # where all joints are at home; empty where the controller shows none
@@ -304,8 +306,8 @@ class Machine(Schema):
     parameter_symbols: ClassVar[tuple[str, ...]]
     parameter_units: ClassVar[tuple[str, ...]]
     # The largest U with which each counts as determined, in its unit: below what a controller could
-    # ever need. () for what is plausible.
-    max_reportable_u: ClassVar[tuple[float, ...]] = ()
+    # ever need.
+    max_reportable_u: ClassVar[tuple[float, ...]] = (math.inf,)
     linearization_points: ClassVar[Floats]  # offsets at which readings are foreseen, (k, p)
     # Ids of two causes that hide behind each other in the usual measurement; or ().
     rivals: ClassVar[tuple[str, ...]] = ()
@@ -319,7 +321,7 @@ class Machine(Schema):
     # Cause id → its usual size, for causes that do not state one for this kind.
     usual_sizes: ClassVar[Mapping[str, float]] = MappingProxyType({})
     homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set again
-    caution: ClassVar[float] = 1.0  # loss of a needless hold, in units of that in `losses`
+    needless_hold: ClassVar[float] = NEEDLESS_HOLD  # loss [min]
     # Id of a cause that may act together with any other one → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.
@@ -328,6 +330,8 @@ class Machine(Schema):
     # Where nothing was measured yet: what to do, the verb of the program, a file as it is usually
     # called; "" for none.
     first_steps: ClassVar[tuple[tuple[str, str, str], ...]]
+    practice_steps: ClassVar[tuple[tuple[str, str, str], ...]]  # in a folder to practise
+    settled_steps: ClassVar[tuple[tuple[str, str], ...]] = ()  # where nothing is to be entered
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
     controller_formats: ClassVar[tuple[str, ...]]  # of its usual controller's file first
@@ -369,6 +373,11 @@ class Machine(Schema):
         """Error where only a machine of another kind will do."""
         remedy = f"Give the file of a machine of kind {kind}: --machine FILE"
         return UsageError(f"{self.name} is of kind {self.kind}.", remedy)
+
+    @classmethod
+    def of_kind(cls, values: Mapping[type[Machine], T], otherwise: T) -> T:
+        """What a table by kinds of machine says of this one."""
+        return values.get(cls, otherwise)
 
     @classmethod
     def named(cls, names: Sequence[str]) -> dict[str, str]:
@@ -484,7 +493,7 @@ class Machine(Schema):
 
     def determined(self, expanded: Floats) -> tuple[bool, ...]:
         """True of each calibrated parameter that is known well enough to state, from U (p,)."""
-        return tuple((expanded < (self.max_reportable_u or self.plausible)).tolist())
+        return tuple((expanded < self.max_reportable_u).tolist())
 
     @property
     def travel_mm(self) -> float:
@@ -535,9 +544,17 @@ class Machine(Schema):
 
     def check_guided(self) -> None:
         """Raises UsageError for a machine that nobody measures by hand, step by step."""
-        if not self.vocabulary.measure:
+        if self.measuring(None) is None:
             fault = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
             raise UsageError(fault, self.vocabulary.probing)
+
+    def measuring(self, file: Path | None, options: str = "", **given: object) -> str | None:
+        """The command that guides through a measurement; arguments as of `errors.command`."""
+        return None
+
+    def entered_decimals(self, expanded: Iterable[float]) -> int:
+        """Decimals of what is entered, of U."""
+        return self.decimals or entered_decimals(expanded, self.active)
 
     def judging(self, then: Machine) -> Machine:
         """The machine by which readings are judged that were taken when it was as `then`.

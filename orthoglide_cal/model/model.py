@@ -117,13 +117,17 @@ class Cause:
             if stage in vars(cls):
                 cls.stage = stage
 
-    def usual(self, kind: type[Machine]) -> float | None:
+    def key(self, machine: Machine) -> str:
+        """The key of the machine file to correct where the cause is no damage."""
+        return machine.of_kind(self.number, f"{self.id} under tolerances")
+
+    def usual(self, kind: type[Machine] | Machine) -> float | None:
         """Its plausible size on a kind of machine, in `unit`; None where it does not happen."""
-        return self.sizes.get(kind, kind.usual_sizes.get(self.id))
+        return kind.of_kind(self.sizes, kind.usual_sizes.get(self.id))
 
     def stated(self, machine: Machine) -> float:
         """Plausible size of a parameter (one standard deviation), in `unit`; 0 rules it out."""
-        return machine.tolerances.get(self.id, self.usual(type(machine)) or 0.0)
+        return machine.tolerances.get(self.id, self.usual(machine) or 0.0)
 
     def size(self, machine: Machine) -> float:
         """The same, wider where the controller's own values are doubted."""
@@ -132,7 +136,7 @@ class Cause:
 
     def assumed(self, machine: Machine) -> bool:
         """True if that size is the default of its kind: the machine file gives none."""
-        return self.usual(type(machine)) is not None and self.id not in machine.tolerances
+        return self.usual(machine) is not None and self.id not in machine.tolerances
 
     def possible(self, machine: Machine) -> bool:
         """True if it can happen on this machine and its gauge."""
@@ -503,11 +507,7 @@ def synthetic_session(
 
 
 def differentiate(
-    model: Model,
-    offsets: Floats,
-    plan: Plan,
-    effects: Sequence[Effect] = (),
-    strict: bool = True,
+    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect] = (), strict: bool = True
 ) -> tuple[Floats, Floats]:
     """Readings (..., n) [mm], and their exact derivatives by offsets and parameters, (..., n, q).
 

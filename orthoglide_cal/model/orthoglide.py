@@ -10,13 +10,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from orthoglide_cal.errors import InputError, PostureError, UsageError
+from orthoglide_cal.errors import InputError, PostureError, UsageError, command
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
 from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
 from orthoglide_cal.model.machine import (
@@ -61,7 +62,6 @@ class Orthoglide(Machine):
     parameter_names = AXES
     parameter_symbols = tuple(f"Δρ_{axis}" for axis in AXES)
     parameter_units = ("mm", "mm", "mm")
-    max_reportable_u = (math.inf,) * 3  # an offset is stated with its U, however large that is
     # Independent offsets of that size, up to a sign that changes no square, shape (4, 3) [mm].
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
@@ -81,13 +81,12 @@ class Orthoglide(Machine):
         " the machine file. If a carriage really is that far off, move its home switch,"
         " or state homing_mm in the machine file.",
         more="Measure again with more postures.",
-        fewest=None,
         noise="gauge",
         again="Check the set-up, measure again, and compare the two sessions.",
         positions="postures",
         repeat="Take more cycles",
-        compare="Compare",
-        measure="measure",
+        subject="an Orthoglide with a dial indicator",
+        everywhere="every gauge",
         home="At the isotropic posture",
         further="two more postures of each leg between the isotropic one and its limits",
     )
@@ -95,6 +94,8 @@ class Orthoglide(Machine):
         ("Measure", "measure", ""),
         ("Or practise first, in another folder", "machine new --practice", ""),
     )
+    settled_steps = (("See which further readings would help", "plan"),)
+    practice_steps = (("Practise without a machine", "measure --gauge simulated", ""),)
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
     # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
@@ -173,6 +174,9 @@ class Orthoglide(Machine):
     @property
     def plausible(self) -> tuple[float, ...]:
         return (self.homing_mm or HOMING_MM,) * len(AXES)
+
+    def measuring(self, file: Path | None, options: str = "", **given: object) -> str:
+        return command("measure", **given, machine=file, options=options)
 
     @property
     def limits_mm(self) -> tuple[float, float]:

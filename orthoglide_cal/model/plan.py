@@ -224,10 +224,10 @@ class Plan(ABC):
     def returning(self) -> Floats:
         """Columns of unit size (n, q) that may return with their place though no cause has them."""
 
-    @property
+    @cached_property
     def movers(self) -> Bools:
         """Readings that a pattern in time moves by one size, in one row each, shape (g, n)."""
-        return np.asarray(self.shared == np.unique(self.shared)[:, None])
+        return read_only(self.shared == np.unique(self.shared)[:, None], np.bool_)
 
     def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
         """Readings at which a pattern may act, (n,), narrow ones before those that hold them.

@@ -108,9 +108,8 @@ def choose_adjustments(
         problem = f"No screw or shim corrects {cause.id!r}."
         remedy = f"See what helps: {command('guide', cause.id)}"
         raise (UsageError if id else UnusableResultError)(problem, remedy)
-    kind = type(diagnosis.model.machine)
-    every = (*CAUSES.values(), HOME_SWITCH)
-    having = [other.id for other in every if other.adjustable and other.usual(kind)]
+    machine, every = diagnosis.model.machine, (*CAUSES.values(), HOME_SWITCH)
+    having = [other.id for other in every if other.adjustable and other.usual(machine)]
     if id not in (None, *having):
         remedy = f"Choose one of: {', '.join(having)}."
         raise UsageError(f"There is no cause {id!r} at this machine.", remedy)

@@ -12,6 +12,7 @@ What is measured next, in addition to readings that there are, is ranked by what
 determines for the time.
 """
 
+import math
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -44,7 +45,6 @@ from orthoglide_cal.estimation.gaussian import (
     whiten,
     whiten_shared,
 )
-from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN
 from orthoglide_cal.estimation.solution import Method, pose_plan, require_rank, without_zeros
 from orthoglide_cal.inference.data import UNSEEN, Candidates, Ids, Placed, Whitened
 from orthoglide_cal.inference.decision import keep_ratio
@@ -54,6 +54,7 @@ from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.inference.prediction import Expected, expect
 from orthoglide_cal.inference.result import NextMeasurement
+from orthoglide_cal.losses import DISMISSED, SITTING, STILL_OPEN
 from orthoglide_cal.model.machine import Influence, Machine, Origin, Suspicion
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import NORMAL_K, Cause, Model, Place, Stage, differentiate_absent
@@ -96,8 +97,7 @@ METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = {
 # More repeats hardly change what can be distinguished, but the time that it takes to say so.
 MOST_COMPARED = 10
 ROUNDING = 1e-9
-# Causes that are separated by more than this are distinguished [standard deviations].
-CERTAIN_SIGMA = 5.0
+
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
 # The scatter of readings: what their number averages.
@@ -188,11 +188,14 @@ class SessionForecast(Schema):
     def rivals_sigma(self) -> float | None:
         """Between the causes that hide behind each other on this kind of machine [standard
         deviations]; None if it has none or one of the two cannot be."""
-        model = self.model
-        if not model.machine.rivals:
-            return None
-        pairs, _ = separations(model, self.plan, model.machine.rivals)
+        pairs, _ = separations(self.model, self.plan, self.model.machine.rivals)
         return min(pairs.values(), default=None)
+
+    @property
+    def chance(self) -> float:
+        """Probability that its readings dismiss the wrong one of the two."""
+        sigma = max(self.rivals_sigma or 0.0, TINY)  # log odds are σ²/2, and as uncertain as σ
+        return float(ndtr(sigma / 2.0 + math.log(DISMISSED) / sigma))
 
     @property
     def worst_mm(self) -> float:
@@ -302,6 +305,8 @@ def separations(
 
     The n readings of the plan determine the offsets. `among` are ids to look at; None for all.
     """
+    if among is not None and not among:
+        return {}, {}  # without a simulation
     white, points = Whitened.of_plan(plan, model), model.machine.linearization_points
     candidates = Candidates.of(model, ordered=True)
     extras = {one.cause.id: one for one in white.places(candidates.extras) if one.tried}
@@ -587,17 +592,17 @@ def chosen_session(
 def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], SessionForecast | None]:
     """All layouts that there are, and the best; none of a machine that follows protocols.
 
-    The best is the quickest that distinguishes the rivals, or the one that does it best.
+    The best is that of least expected loss: where it does not distinguish the rivals, somebody
+    comes back for it.
     """
-    machine, best, most = model.machine, None, 0.0
+    machine, best, least = model.machine, None, math.inf
     for layout in machine.distinguishing_layouts():
         design = SessionForecast(model=model, **layout._asdict())
-        if (sigma := design.rivals_sigma) is None:
+        if layout.minutes >= least or design.rivals_sigma is None:
             break
-        if sigma > most:
-            best, most = design, sigma
-        if sigma >= CERTAIN_SIGMA:
-            break
+        loss = layout.minutes + (1.0 - design.chance) * STILL_OPEN
+        if loss < least:
+            best, least = design, loss
     offered = (SessionForecast(model=model, **one._asdict()) for one in machine.layouts())
     return (*offered, *filter(None, [best])), best
 
@@ -796,10 +801,11 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         for task, new, minutes in model.machine.further(plan):
             choice.append(NextMeasurement(what=task, plan=_later(plan, new), minutes=minutes))
     if not choice:
-        if not model.machine.vocabulary.measure:
-            return ()
         first = plan if plan is not None and plan.fixed else None
-        choice += options(first, model.machine)
+        try:
+            choice += options(first, model.machine)
+        except UsageError:  # without postures
+            return ()
     # With many readings a probability may be too small for a number: such a one decides nothing.
     possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
     likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST]

@@ -247,8 +247,8 @@ def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     Raises UnusableResultError: no such postures determine the offsets.
     """
     least, best = NOTHING**-0.5, None
-    low, high = machine.limits_mm if machine.gauge_places else machine.reach_mm(0.5)
-    for place in sorted(machine.gauge_places or (0.5,), key=lambda at: abs(at - 0.5)):
+    for place in sorted((0.5, *machine.gauge_places), key=lambda at: abs(at - 0.5)):
+        low, high = machine.reach_mm(place)
         plan = visiting((high, low), place)
         slopes = differentiate(Model(machine), np.zeros(3), plan)[1]
         apart = slopes[plan.displacement == high] - slopes[plan.displacement == low]

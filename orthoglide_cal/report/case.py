@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command
+from orthoglide_cal.errors import UnusableResultError, command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Machine, Vocabulary
@@ -128,6 +128,20 @@ class Case:
                 steps.append(doc.step(self.says(remedy.sentence), typed))
         yield from dict.fromkeys(steps)  # two reasons may have one remedy
 
+    def require_usable(self, force: bool | None = None) -> None:
+        """Raise UnusableResultError, with what to do instead, if the result must not be used.
+
+        Unless it is forced to be; None where it cannot be forced.
+        """
+        release, known = self.answer.release, self.answer.parameters
+        if known and (release.usable or force):
+            return
+        remedies = [" ".join(part.text for part in doc.parts_of(step)) for step in self.remedies()]
+        if known and force is not None:
+            remedies.append("To export it anyway, marked as FORCED: --force")
+        why = " ".join(map(self.says, release.reasons))
+        raise UnusableResultError(f"Do not use these {self.words.many}. {why}", "\n".join(remedies))
+
     @property
     def verify(self) -> str:
         """The command to compare with once the parameters were entered and measured again.
@@ -149,12 +163,10 @@ class Case:
 
         `session` are the options of a session of its own; None: it goes on from these readings.
         """
-        if session is not None:
-            return command("measure", machine=self.given.machine_file, options=session)
-        if not self.words.measure or self.source.path == "-":
+        then = self.source.path if session is None else None
+        if then == "-":
             return None
-        verb = f"{self.words.measure} --then"
-        return command(verb, self.source.path, machine=self.given.machine_file)
+        return self.machine.measuring(self.given.machine_file, session or "", then=then)
 
     @property
     def for_controllers(self) -> bool:
@@ -207,11 +219,11 @@ def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
 
 
-def measure_again(given: Input) -> str:
-    """The command to measure again: a simulated machine comes back with its seed."""
+def measure_again(given: Input) -> str | None:
+    """The command to measure again, if any: a simulated machine comes back with its seed."""
     seed = dict(given.conditions.environment).get("seed")
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
-    return command("measure", machine=given.machine_file, options=options)
+    return given.model.machine.measuring(given.machine_file, options)
 
 
 # --- of which data, of whose machine, for what it holds ----------------------------------------

@@ -77,12 +77,10 @@ def where_words(machine: Machine, pattern: FoundPattern) -> str:
     where = pattern.where
     if "region" in where:
         return f"the touches at the {where['region']} of the bed"
-    if not machine.vocabulary.measure:
-        return "the probe"
     if "posture" in where:
         return f"the readings at {where['posture']}"
     if not where:
-        return "all gauges"
+        return machine.vocabulary.everywhere
     place = f" of leg {where['leg']}" if "leg" in where else ""
     place += f" along {where['direction']}" if "direction" in where else ""
     return f"the gauge{'s' * (len(where) < 2)}{place}"
@@ -91,7 +89,7 @@ def where_words(machine: Machine, pattern: FoundPattern) -> str:
 def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     """A pattern in words: the gauges that deviate, how, and by how much."""
     subject = where_words(machine, pattern)
-    single = len(pattern.where) == (2 if machine.vocabulary.measure else 0)
+    single = len(pattern.where) in (0, 2)
     verb = _PATTERNS[pattern.how]["verb"].format(s="s" * single)
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
     largest = {

@@ -25,7 +25,6 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
-from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.estimation.solution import (
     SUSPICIOUS,
     OffsetEstimate,
@@ -40,6 +39,7 @@ from orthoglide_cal.estimation.solution import (
 )
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
+from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
     FoundCause,
     NextMeasurement,
@@ -47,15 +47,15 @@ from orthoglide_cal.inference.result import (
     Verdict,
     nothing_wrong,
 )
+from orthoglide_cal.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
-from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Effect, Model
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.answer import RETAKE, STEP_K, THEN, Release, Remedy, UsedGauge, Validity
 from orthoglide_cal.schema import Reason
-from orthoglide_cal.words import entered_decimals
 
 EstimateT = TypeVar("EstimateT", bound=OffsetEstimate)
 # Beyond this Student's t is the normal distribution to two decimals.
@@ -130,8 +130,9 @@ def answer_to(
     chosen = alone if method else judged
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
-    budget, offsets_only, parameters = chosen.budget, parameters_of(alone), parameters_of(chosen)
-    decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
+    budget, offsets_only = chosen.budget, parameters_of(alone)
+    parameters = offsets_only if shown_alone else parameters_of(chosen)
+    decimals = machine.entered_decimals(budget.expanded_mm.tolist())
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
     others = tuple(answer_to(other, method, details=details) for other in asked)
@@ -320,8 +321,8 @@ def _lasting(diagnosis: Diagnosis) -> list[Effect]:
 def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
-    No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
-    else may be wrong, and what is taken as the controller has it, would be the same again.
+    No change exceeds its U, nor do all together say that homing has moved (χ²): what else may be
+    wrong, and what is taken as the controller has it, would be the same again.
     """
     for effect in model.remaining():
         # It is to be entered, too.
@@ -332,7 +333,7 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
     budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
     scale = budget.k / NORMAL_K
-    return chance_of_residual(apart, len(change), scale) >= 1.0 - CONFIDENCE
+    return chance_of_residual(apart, len(change), scale) >= MOVED
 
 
 def _with_others(

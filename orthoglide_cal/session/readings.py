@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property, lru_cache
-from statistics import median
+from statistics import NormalDist, median
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,7 @@ from orthoglide_cal.files.readings import (
     session_of_readings,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.losses import DISMISSED, MISSED_FAULT, NEEDLESS_HOLD, SESSIONS_A_QUESTION
 from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
@@ -448,16 +449,14 @@ def _same(*keys: Ints) -> Bools:
 
 # --- live checks ------------------------------------------------------------------------------
 
-# The limits define how often a sound reading is questioned; they decide nothing of the result.
-# Standard errors that a reading may be off: by chance once in 150,000 readings, in 2,500 sessions.
-LIMIT = 4.5
-RARE = math.erfc(LIMIT / math.sqrt(2.0))
-# An explanation must make the reading an ordinary one: within 3 standard errors.
-_ORDINARY = math.erfc(3.0 / math.sqrt(2.0))
+# Chance of a sound reading so far off, of the 60 in a session, and standard errors; nothing of the
+# result depends on them.
+RARE = 1.0 / SESSIONS_A_QUESTION / 60.0
+LIMIT = -NormalDist().inv_cdf(RARE / 2.0)
 # How much likelier all readings must be with the signs or gauges of a whole leg reversed. A
 # likelihood ratio that is watched all the time exceeds c by chance with a probability of at most
 # 1/c (Ville's inequality); a session watches nine of them.
-RATIO = 3e4
+RATIO = 9.0 * SESSIONS_A_QUESTION
 
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 
@@ -583,11 +582,11 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
         if readings.repeats:
             return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
         return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
-    # The best explanation, and others that are nearly as good.
     likely.sort(key=lambda pair: -pair[0])
+    # The best explanation, and others that are nearly as good.
     (most, best), words = likely[0], dict[Doubt, str]()
     for chance, question in likely:
-        if chance >= 0.3 * most:
+        if chance * NEEDLESS_HOLD >= most * MISSED_FAULT:
             words.setdefault(question.doubt, question.text)
     text = f"{far}: {' or '.join(words.values())}"
     if readings.repeats and best.doubt is not Doubt.REVOLUTION:
@@ -619,7 +618,7 @@ def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
 
 
 def _explanations(readings: ReadingsSoFar, evidence: Evidence) -> Iterator[tuple[float, Question]]:
-    """Blunders that make an ordinary reading of the last one, which is none without them.
+    """Blunders that the last reading does not contradict, and which it shows.
 
     With the chance of a reading at least this far off if so.
     """
@@ -648,7 +647,7 @@ def _explanations(readings: ReadingsSoFar, evidence: Evidence) -> Iterator[tuple
         if blunder.rows is not rows or np.any(blunder.factors[:-1] != 1.0):
             prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
         chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
-        if chance >= _ORDINARY and LIMIT * prediction.std.item() <= abs(away):
+        if chance >= DISMISSED and LIMIT * prediction.std.item() <= abs(away):
             yield chance, blunder.question
 
 

@@ -12,15 +12,7 @@ import pytest
 
 from orthoglide_cal.files.input import read_input
 from tests.printer_files import OFF, printer_cfg
-from tests.truth import (
-    CAUSES,
-    DIAL,
-    MICRON,
-    PROTOTYPE,
-    Separation,
-    all_pairs,
-    make_session,
-)
+from tests.truth import CAUSES, DIAL, MICRON, PROTOTYPE, Separation, all_pairs, make_session
 from tests.truth.beyond import Beyond, Distinction, Rival, Where, draw_beyond
 from tests.truth.delta import V400, Truth
 

@@ -77,11 +77,7 @@ def merged(one: GaugePlan, other: GaugePlan) -> GaugePlan:
 
 
 def solved(
-    model: Model,
-    plan: Plan,
-    values: Floats,
-    expected: Floats,
-    method: Method = Method.READINGS,
+    model: Model, plan: Plan, values: Floats, expected: Floats, method: Method = Method.READINGS
 ) -> Floats:
     """Parameters from many sessions (m, n) of one plan, each solved as `solve` does, (m, p).
 

@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.stats import chi2
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.gaussian import unexplained
-from orthoglide_cal.estimation.solution import SUSPICIOUS, scatter_of_repeats, solve
+from orthoglide_cal.estimation.solution import scatter_of_repeats, solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session
@@ -108,7 +109,9 @@ def test_lost_motion_that_a_scanning_probe_cannot_show_is_misfit_all_the_same() 
     left = session.value - h
     left = left - jacobian @ np.linalg.lstsq(jacobian, left, rcond=None)[0]
     assert solution.scatter.sigma_mm == pytest.approx(np.sqrt(left @ left / (25 - 6)))
-    assert solution.lack_of_fit_p < SUSPICIOUS
+    noise = np.hypot(PRINTER.probe.repeatability_mm, PRINTER.probe.resolution_mm / 12.0**0.5)
+    assert solution.lack_of_fit_p == pytest.approx(chi2.sf(left @ left / noise**2, 25 - 6))
+    assert left @ left > 2.0 * (25 - 6) * noise**2
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])

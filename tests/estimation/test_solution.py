@@ -15,9 +15,9 @@ from scipy import stats
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
-from orthoglide_cal.estimation.losses import is_likely, surprising
 from orthoglide_cal.estimation.solution import OPTIMAL, OffsetEstimate, fit_offsets, promise, solve
 from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.losses import is_likely, surprising
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
@@ -292,9 +292,7 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
         ]
         column[when] = apart[0] - apart[1]
     rows = promise(
-        differences(SIX, model),
-        estimate(model, OFFSETS, 1e-16, Scatter(1e-8, np.inf)),
-        ENTERED,
+        differences(SIX, model), estimate(model, OFFSETS, 1e-16, Scatter(1e-8, np.inf)), ENTERED
     )
     for which, row in zip(DIFFERENCES[SIX], rows, strict=True):
         mine = (plan.leg == which.series.leg) & (plan.direction == which.series.direction)

@@ -147,7 +147,7 @@ def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
     above, saved = line_of(text, "arm_length: 250.25"), line_of(text, "#*# arm_length = 251.125")
     assert sentences(found.remarks) == [
         f"Line {saved}, arm_length of [stepper_a], which SAVE_CONFIG wrote, is not in force: line"
-        f" {above} says otherwise, and Klipper obeys that one. Delete one of the two.",
+        f" {above} says otherwise, and Klipper obeys that one. Delete one of the two."
     ]
 
 

@@ -15,10 +15,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from orthoglide_cal.estimation.gaussian import mixture, probabilities
-from orthoglide_cal.estimation.losses import state
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.results.history import SIZES, DatedValues, Part, Trend, TrendFit, _fit
+from orthoglide_cal.inference.sessions import SPREADS, DatedValues, Part, Trend, TrendFit, _fit
+from orthoglide_cal.losses import state
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals
@@ -190,7 +190,7 @@ def test_steps_between_the_same_sessions_are_one_of_all_that_changed() -> None:
 
 def test_one_more_step_is_the_mean_over_all_that_it_may_be(dated: DatedValues) -> None:
     fit = TrendFit(dated, [], np.zeros(2))
-    every = [Part(Trend.CHANGED, *one) for one in product(range(3), dated.subsets, SIZES)]
+    every = [Part(Trend.CHANGED, *one) for one in product(range(3), dated.subsets, SPREADS)]
     logs = [TrendFit(dated, [part], fit.scatter).log_evidence for part in every]
     log, best = fit.one_more(Trend.CHANGED)
     gain = np.logaddexp.reduce(logs) - np.log(len(every)) - fit.log_evidence

@@ -60,8 +60,7 @@ def test_data_that_are_decided_again_give_the_same() -> None:
     data = [known(drawn("axis_gap", "micron", seed)) for seed in (1, 4, 1, 4)]
     whites = [Whitened.of(*both) for both in data]
     probabilities, offsets = zip(
-        *((found.listed, found.offsets) for found in (decided(*both) for both in data)),
-        strict=True,
+        *((found.listed, found.offsets) for found in (decided(*both) for both in data)), strict=True
     )
     for first, again in ((0, 2), (1, 3)):
         assert content(whites[first]) == content(whites[again]) != content(whites[1 - first])

@@ -71,9 +71,7 @@ def test_monte_carlo_has_the_offsets_it_is_given(monkeypatch: pytest.MonkeyPatch
     assert stds.mean() == pytest.approx(exact, rel=0.02)
 
 
-def test_monte_carlo_never_averages_what_did_not_converge(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_monte_carlo_never_averages_what_did_not_converge(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "SIGMA_MM", 80.0)
     monkeypatch.setattr(tables, "RUNS", 200)
     with pytest.raises(UnusableResultError, match="did not reach their optimum"):

@@ -97,8 +97,7 @@ def test_predicted_noise_is_what_monte_carlo_finds(
 
 
 @pytest.mark.parametrize(
-    ("model", "protocol", "name"),
-    [(NOMINAL, *WAYS[2]), (NOMINAL_LARGE, *WAYS[7])],
+    ("model", "protocol", "name"), [(NOMINAL, *WAYS[2]), (NOMINAL_LARGE, *WAYS[7])]
 )
 def test_the_expected_uncertainty_is_what_solve_gives(
     model: Model, protocol: MeasuringProtocol, name: str

@@ -23,10 +23,7 @@ from tests.session.virtual import DOUBLE, SINGLE, both_protocols
 
 
 def usual(
-    protocol: MeasuringProtocol,
-    cycles: int,
-    order: Order = Order.PAPER,
-    stands: int = 2,
+    protocol: MeasuringProtocol, cycles: int, order: Order = Order.PAPER, stands: int = 2
 ) -> tuple[SessionStep, ...]:
     return GuidedSession(protocol=protocol, cycles=cycles, order=order, stands=stands).steps(
         PROTOTYPE

@@ -82,8 +82,7 @@ def test_text_says_what_the_controller_says_and_what_is_true(released: Case) -> 
 
 @pytest.mark.parametrize("name", FORMATS)
 @pytest.mark.parametrize(
-    "make",
-    [cases.named_in_machine, cases.named_in_measurement, cases.ambiguous, cases.unexplained],
+    "make", [cases.named_in_machine, cases.named_in_measurement, cases.ambiguous, cases.unexplained]
 )
 def test_what_must_not_be_used_is_marked(make, name: str) -> None:
     case = make()

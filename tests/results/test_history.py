@@ -11,9 +11,10 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.arms import free_arms
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.inference.sessions import Trend
 from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report.documents.history import history_document
-from orthoglide_cal.results.history import History, Trend, _Session, compare
+from orthoglide_cal.results.history import History, _Session, compare
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.inference.sessions import given as touched

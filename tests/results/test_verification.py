@@ -11,6 +11,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.solution import solve, without_zeros
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
+from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Estimate, Model, simulate
@@ -19,7 +20,7 @@ from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.making import answer_to
-from orthoglide_cal.results.verification import Behaviour, _respond, shared_differences, verify
+from orthoglide_cal.results.verification import _respond, shared_differences, verify
 from tests import truth
 from tests.estimation.sessions import of_values
 from tests.inference.sessions import known
@@ -208,8 +209,7 @@ def test_an_axis_that_was_not_touched_has_not_moved():
 
 
 @pytest.mark.parametrize(
-    ("limit", "outcome"),
-    [(0.36, "pass"), (0.34, "undecided"), (0.33, "undecided"), (0.30, "fail")],
+    ("limit", "outcome"), [(0.36, "pass"), (0.34, "undecided"), (0.33, "undecided"), (0.30, "fail")]
 )
 def test_decision_rule_with_guard_band(limit, outcome):
     """The largest deviation is 0.34 mm with U = 1.96·√2·noise = 0.018 mm."""

@@ -17,9 +17,10 @@ from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.diagnose import diagnose
+from orthoglide_cal.inference.sessions import Trend
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning.adjustment import choose_adjustments
-from orthoglide_cal.results.history import Trend, compare
+from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.session.adjusting import PHASES, Adjusted, Phase
 from orthoglide_cal.session.events import advance, replay

@@ -9,15 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .beyond import RARE, SIZES, Distinction, Gaussian
-from .delta import (
-    KOSSEL,
-    V400,
-    DeltaSession,
-    Layout,
-    Truth,
-    make_delta_session,
-    places_of,
-)
+from .delta import KOSSEL, V400, DeltaSession, Layout, Truth, make_delta_session, places_of
 from .delta_separation import GRAIN, calibrated, families, local_shape, slopes
 from .plan import Floats
 

@@ -336,8 +336,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
             yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
     if release.settled:
-        if case.words.measure or case.machine.layouts():
-            yield doc.step("See which further readings would help", case.typed("plan"))
+        yield from (doc.step(text, case.typed(verb)) for text, verb in case.machine.settled_steps)
     elif release.usable:
         yield from _entering(case, brief)
     else:
@@ -374,10 +373,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
         yield check_words(check)
     if case.table is not None and not brief:
         yield doc.step("Correct the remaining errors with a table", case.table)
-    if words.measure:
-        yield doc.step("Measure again", measure_again(case.given))
+    yield doc.step(words.anew, measure_again(case.given))
     if case.record is None or not brief:
-        yield doc.step(words.compare, case.verify)
+        yield doc.step("Compare", case.verify)
 
 
 # --- parameters, differences and uncertainty -----------------------------------------------------
@@ -678,7 +676,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
     for id, verb, times in large:
         stated = "usual" if CAUSES[id].assumed(machine) else "stated"
-        key = CAUSES[id].number.get(type(machine), f"{id} under tolerances")
+        key = CAUSES[id].key(machine)
         real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
         check = f"look for {real}, or correct {key} in the machine file."
         yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"

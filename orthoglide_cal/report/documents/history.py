@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from orthoglide_cal.errors import command
+from orthoglide_cal.inference.sessions import Trend
 from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -16,7 +17,7 @@ from orthoglide_cal.report.case import LARGEST_OFFSET, sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results.history import History, Trend
+from orthoglide_cal.results.history import History
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     capitalized,

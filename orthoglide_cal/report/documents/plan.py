@@ -16,7 +16,6 @@ from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
-    CERTAIN_SIGMA,
     MOST_COMPARED,
     TRACE_SIGMA,
     MeasurementPlan,
@@ -41,9 +40,7 @@ _PLACES = "places.csv"
 
 
 def plan_document(
-    plan: MeasurementPlan,
-    machine_file: Path | None = None,
-    begun: Case | None = None,
+    plan: MeasurementPlan, machine_file: Path | None = None, begun: Case | None = None
 ) -> doc.Document:
     """The document, for any of the renderers.
 
@@ -99,8 +96,12 @@ def plan_document(
         sections.append(doc.Section(title, _sessions_grid(plan)))
         sections.append(doc.Section(None, *_limits(plan)))
         if plan.compare and plan.design:
-            typed = _command(plan.design, machine_file, begun)
-            sections += [_ways(plan), _design(plan.design, typed)]
+            typed = doc.typed(_command(plan.design, machine_file, begun))
+            of = {"best": plan.design, "lacks": GIVES_UP}
+            codes = ("design_postures", "design_gives", "design_gives_up")
+            where, gives, lacks = (sentence(Reason.of(code, **of)) for code in codes)
+            best = doc.Section("The fewest readings", where, (gives, typed), lacks)
+            sections += [_ways(plan), best]
         sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
@@ -140,10 +141,10 @@ def _to_do(
         yield doc.step("See the result", result)
         design = plan.design
         if design is not None and design.name != chosen.name:
-            surely = "" if (design.rivals_sigma or 0.0) >= CERTAIN_SIGMA else ", if not surely"
             rivals = " from ".join(plan.model.machine.rivals)
             size = f"{design.readings} readings, {design.minutes:.0f} min"
-            yield doc.step(f"Or distinguish {rivals}{surely}: {size}", typed(design))
+            chance = f"probability {percent(design.chance)}"
+            yield doc.step(f"Or distinguish {rivals} ({chance}): {size}", typed(design))
 
 
 def _command(forecast: SessionForecast, machine: Path | None, begun: Case | None) -> str:
@@ -222,8 +223,8 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         yield f"More {more} {help_}: {_stays(plan, floor)}"
     if sigma is not None and sigma >= TRACE_SIGMA:
         rivals = " and ".join(plan.model.machine.rivals)
-        surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
-        yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
+        chance = percent(plan.chosen.chance)
+        yield f"{rivals} are distinguished: probability {chance} ({two_figures(sigma)} σ)."
     if plan.invisible:
         yield f"Cannot be seen: {listed(plan.invisible)}."
     seen = (pair for pair in plan.separation if plan.trace.keys() >= {*pair.causes})
@@ -266,8 +267,8 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if plan.chosen.tool_mm is not None:
         columns["tool"] = [two_figures(session.tool_mm or 0.0) for session in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
-    if machine.rivals:
-        sigma = [session.rivals_sigma for session in shown]
+    sigma = [session.rivals_sigma for session in shown]
+    if any(size is not None for size in sigma):
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
         pair = " and ".join(machine.rivals)
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
@@ -290,13 +291,6 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
     caption = sentence(Reason.of("ways", worst_mm=plan.chosen.worst_mm, most=MOST_CYCLES))
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
-
-
-def _design(best: SessionForecast, typed: str) -> doc.Section:
-    """The fewest readings, and what to type for them."""
-    codes = "design_postures", "design_gives", "design_gives_up"
-    where, gives, lacks = (sentence(Reason.of(code, best=best, lacks=GIVES_UP)) for code in codes)
-    return doc.Section("The fewest readings", where, (gives, doc.typed(typed)), lacks)
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
@@ -334,8 +328,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (none,))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
-    today = "Now it is" if plan.model.machine.common_unit else "The largest is now"
-    today = "" if now is None else f" {today} ± {two_figures(now)} mm."
+    today = "" if now is None else f" The largest is now ± {two_figures(now)} mm."
     worth = [f"With it: {_reach(plan.model, best.expanded)}.{today}"]
     tone, title = doc.Tone.INFO, f"Next: {minutes}"
     if best.between:

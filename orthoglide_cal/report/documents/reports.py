@@ -17,6 +17,7 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference.result import Parameter, Verdict
+from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.readings import AXES
@@ -35,7 +36,7 @@ from orthoglide_cal.report.documents.answer import (
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import Answer, Identity, InputFile, Validity
-from orthoglide_cal.results.verification import Behaviour, Coefficient, Outcome, Verification
+from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
@@ -245,7 +246,7 @@ def _conditions(case: Case) -> doc.Section:
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     # Blanks are for those who write down how it was.
-    rows = [row for row in rows if row[1] is not None or machine.noted]
+    rows = [row for row in rows if row[1] is not None or "date" in machine.noted]
     sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
     sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
     rows.append((noise.capitalize(), sizes))

@@ -108,10 +108,7 @@ def application_document(application: Application) -> doc.Document:
         sections.append(doc.Section(None, _corrections(application.corrections)))
     title, steps = "To be taken back", list[doc.Line]([first])
     if given is not None:
-        title, again = "To be recorded", doc.step("Probe it again in the same way.")
-        if words.measure:
-            typed = measure_again(given)
-            again = doc.step("Measure again in the same way.", typed)
+        title, again = "To be recorded", doc.step(f"{words.anew}.", measure_again(given))
         compare, path = "Compare with the prediction.", given.measured.source.path
         if controller and controller.sha256 == entry.data_sha256:
             compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
@@ -160,10 +157,7 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
-    first = doc.step("Calibrate again, as the push requires, and probe in the same way.")
-    if given.model.machine.vocabulary.measure:
-        again = measure_again(given)
-        first = doc.step("Measure again in the same way.", again)
+    first = doc.step(given.model.machine.vocabulary.pushed, measure_again(given))
     compare = command("verify", answer.input.path, "AFTER", machine=given.machine_file)
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
     sections = [section, doc.next_steps((first, doc.step("Compare the two.", compare)))]

@@ -8,8 +8,6 @@ import math
 from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
-from scipy.special import lambertw
-
 Key = TypeVar("Key", bound=Hashable)
 
 # An answer is left open: one more measurement, stands fetched, set up and read.
@@ -25,6 +23,8 @@ FALSE_RELEASE = 1500.0
 MISSED_FAULT = 75.0
 # A fault is looked for, or corrected, that is not there: the machine stands still for two hours.
 NEEDLESS_HOLD = 120.0
+# The same of a printer: cooled, looked at, heated, calibrated, probed and printed. Three hours.
+COLD_HOLD = 180.0
 # A step, drift or scatter of a machine is stated that is none: carriage, couplings and switches are
 # taken apart in vain. A day of ten hours.
 WRONG_STORY = 600.0
@@ -38,6 +38,13 @@ MENTION = 0.075
 SITTING = 30.0
 # An answer is still open after a measurement: somebody comes back for it, a shift later.
 STILL_OPEN = 480.0
+
+# Sessions of sound readings for one that is questioned in vain, ten years of one a day: who is
+# questioned more often learns to press Return.
+SESSIONS_A_QUESTION = 2500.0
+# Chance below which repeats are too steady for a gauge: its maker states the repeatability with a
+# reserve of two, and a gauge that is so much better must pass; one that is held does not.
+TOO_STEADY = 1e-6
 
 # Probability relative to the answer below which one that contradicts it is dismissed: to keep it
 # open would cost more than to be wrong.
@@ -83,4 +90,6 @@ def surprising(odds: float, missed: float, needless: float) -> float:
         missed, needless: losses if the null hypothesis is stated wrongly, and given up wrongly;
             the first, times the odds, is smaller than the second.
     """
+    from scipy.special import lambertw
+
     return math.exp(lambertw(-odds * missed / needless / math.e, -1).real)
