@@ -144,7 +144,6 @@ def argument(
 
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
-# The first command in a folder for practice.
 # What may be left out.
 Text = str | None
 Texts = list[str] | None
