@@ -95,7 +95,7 @@ def solves(method: str) -> None:
     import numpy as np
     from scipy.optimize import least_squares
 
-    from orthoglide_cal.estimation import fit_offsets, pose_plan
+    from orthoglide_cal.estimation.solution import fit_offsets, pose_plan
     from orthoglide_cal.files.machine_file import default_machine
     from orthoglide_cal.model.measured import DataKind
     from orthoglide_cal.model.model import simulate

@@ -267,7 +267,7 @@ def read_input(
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.estimation import free_arms
+    from orthoglide_cal.estimation.arms import free_arms
     from orthoglide_cal.files.input import read_input as read
 
     for id in rule_out or ():

@@ -37,7 +37,7 @@ def diagnose(
 ) -> int:
     """Find what is wrong besides the offsets, and what to do about it."""
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.estimation import free_arms
+    from orthoglide_cal.estimation.arms import free_arms
     from orthoglide_cal.files.input import in_order, read_input, require_distinct, require_order
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text

@@ -12,7 +12,8 @@ def validate(
     json: bool = common.JSON,
 ) -> int:
     """Check files; name every fault with its place and remedy."""
-    from orthoglide_cal import estimation
+    from orthoglide_cal.estimation.arms import free_arms
+    from orthoglide_cal.estimation.solution import solve
     from orthoglide_cal.files.input import check_file
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.report.documents.short import check_document
@@ -24,8 +25,8 @@ def validate(
             common.require_printer(source, data)
         if given:
             try:
-                freed = estimation.free_arms(given)
-                estimation.solve(freed.measured, freed.model)
+                freed = free_arms(given)
+                solve(freed.measured, freed.model)
             except UnusableResultError as error:
                 check = check.changed(refused=error)
         common.deliver(check_document(check, source), as_json=json)

@@ -25,13 +25,15 @@ from operator import attrgetter
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED
-from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.solution import (
     Contrasts,
     LeastSquaresFit,
+    Problem,
     Reduction,
+    fit_offsets,
+    pose,
     pose_plan,
     require_optimum,
     require_rank,

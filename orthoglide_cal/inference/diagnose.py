@@ -17,10 +17,9 @@ from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
-from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import scatter_of_repeats
+from orthoglide_cal.estimation.solution import Solution, fit_parameters, scatter_of_repeats
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (

@@ -16,8 +16,7 @@ from pydantic import Field, computed_field
 from pydantic.dataclasses import dataclass
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import fit_offsets, pose_plan, promise, solve
-from orthoglide_cal.estimation.solution import rms
+from orthoglide_cal.estimation.solution import fit_offsets, pose_plan, promise, rms, solve
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of

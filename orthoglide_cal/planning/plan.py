@@ -28,7 +28,6 @@ from pydantic import Field, computed_field
 from scipy.special import ndtr
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method, pose_plan
 from orthoglide_cal.estimation.budget import (
     Budget,
     BudgetTotal,
@@ -46,7 +45,7 @@ from orthoglide_cal.estimation.gaussian import (
     whiten,
     whiten_shared,
 )
-from orthoglide_cal.estimation.solution import require_rank, without_zeros
+from orthoglide_cal.estimation.solution import Method, pose_plan, require_rank, without_zeros
 from orthoglide_cal.inference.data import UNSEEN, Candidates, Ids, Placed, Whitened
 from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.diagnose import Diagnosis

@@ -12,8 +12,8 @@ from typing import Literal, Self
 from pydantic import AwareDatetime, Field, computed_field
 
 from orthoglide_cal import __version__
-from orthoglide_cal.estimation import PromisedDifference
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.estimation.solution import PromisedDifference
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.files.readings import GaugeIdentity

@@ -18,7 +18,6 @@ from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.budget import (
     EXPANSION_PER_K,
     REFERENCE_C,
@@ -28,7 +27,7 @@ from orthoglide_cal.estimation.budget import (
 from orthoglide_cal.estimation.gaussian import (
     mixture,
 )
-from orthoglide_cal.estimation.solution import require_settings
+from orthoglide_cal.estimation.solution import require_settings, solve
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened

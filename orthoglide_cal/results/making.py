@@ -24,16 +24,19 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
-from orthoglide_cal.estimation import (
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
+from orthoglide_cal.estimation.solution import (
+    SUSPICIOUS,
     OffsetEstimate,
     PromisedDifference,
     Solution,
+    chance_of_residual,
     fit_parameters,
     promise,
+    require_settings,
+    rms,
     solve,
 )
-from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
-from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual, require_settings, rms
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED

@@ -26,10 +26,19 @@ from pydantic import Field, InstanceOf
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.budget import half_width
 from orthoglide_cal.estimation.gaussian import whiten
-from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual, rms, table_kind
+from orthoglide_cal.estimation.solution import (
+    SUSPICIOUS,
+    Problem,
+    PromisedDifference,
+    Solution,
+    chance_of_residual,
+    pose,
+    promise,
+    rms,
+    table_kind,
+)
 from orthoglide_cal.files.input import Input, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose

@@ -20,9 +20,9 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
-from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import plausible_causes, warmth
 from orthoglide_cal.estimation.gaussian import Mixture
+from orthoglide_cal.estimation.solution import Solution, solve
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from orthoglide_cal.errors import OrthocalError
-from orthoglide_cal.estimation import free_arms
+from orthoglide_cal.estimation.arms import free_arms
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan

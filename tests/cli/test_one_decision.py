@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.estimation import pose, solve
+from orthoglide_cal.estimation.solution import pose, solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.readings import GaugeIdentity

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.estimation import Method, Problem, fit_offsets, pose_plan
 from orthoglide_cal.estimation.budget import influences
+from orthoglide_cal.estimation.solution import Method, Problem, fit_offsets, pose_plan
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
     DataKind,

@@ -13,10 +13,9 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import OffsetEstimate, fit_offsets, promise, solution, solve
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
-from orthoglide_cal.estimation.solution import OPTIMAL
+from orthoglide_cal.estimation.solution import OPTIMAL, OffsetEstimate, fit_offsets, promise, solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.losses import is_likely, surprising
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
@@ -108,7 +107,7 @@ def test_all_of_10_000_random_offsets_converge_from_zero(
     model: Model, kind: DataKind, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In nine steps, also of those near ±20 mm; all can be reached, or `predict` would raise."""
-    monkeypatch.setattr(solution, "MAX_ITERATIONS", 9)
+    monkeypatch.setattr("orthoglide_cal.estimation.solution.MAX_ITERATIONS", 9)
     problem = problem_of(kind, model)
     offsets = np.random.default_rng(7).uniform(-20.0, 20.0, (5_000, 3))
     fit = fit_offsets(problem, problem.predict(offsets))
@@ -148,7 +147,7 @@ def test_each_set_begins_at_its_own_start(monkeypatch: pytest.MonkeyPatch) -> No
     other = fit_offsets(problem, data, rng.uniform(-3.0, 3.0, (2000, 3)))
     assert np.abs(other.offsets_mm - found).max() < 1e-9
     # At the optimum there is nothing left to do.
-    monkeypatch.setattr(solution, "MAX_ITERATIONS", 0)
+    monkeypatch.setattr("orthoglide_cal.estimation.solution.MAX_ITERATIONS", 0)
     assert np.all(fit_offsets(problem, data, found).converged)
 
 

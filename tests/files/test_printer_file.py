@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from orthoglide_cal.estimation import free_arms, solve
+from orthoglide_cal.estimation.arms import free_arms
+from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.klipper import read_printer_file
 from orthoglide_cal.files.text import document_from_bytes

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_from_text, read_machine_file
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM

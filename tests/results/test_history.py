@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import free_arms
+from orthoglide_cal.estimation.arms import free_arms
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.sessions import Trend
 from orthoglide_cal.model.model import Estimate

@@ -13,7 +13,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import promise, solve
+from orthoglide_cal.estimation.solution import promise, solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Estimate, Model

@@ -8,8 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.solution import without_zeros
+from orthoglide_cal.estimation.solution import solve, without_zeros
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference.sessions import Behaviour

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.files.text import read_document

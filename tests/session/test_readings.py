@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import session_text
 from orthoglide_cal.model.readings import GaugePlan
