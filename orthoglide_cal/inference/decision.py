@@ -251,7 +251,7 @@ class Decision(Belief):
 
     @cached_property
     def is_nameable(self) -> bool:
-        """True if to name the best causes costs less than to leave them open, or of two a hold.
+        """True if to name the best cause costs less than to leave it open; of two, than a hold.
 
         Where a pattern acts, each that does not act with it is a wrong name: of what is in every
         reading a part. Offsets are false that it moves beyond their U, or by what returns with its

@@ -462,6 +462,8 @@ def pattern_densities(
             most = np.maximum(most, log.max(axis=(-2, -1)))
             counts = (log >= most[..., None, None] - LOST).reshape(-1, *log.shape[-2:]).any(axis=0)
             at_all = counts.any(axis=0)
+            if not at_all.any():
+                continue
             chosen, power, match = chosen[at_all], power[..., at_all], match[..., at_all]
             kept = np.flatnonzero(counts[:, at_all])
         log = pattern_density(machine, cause, power, match, by_noise)

@@ -39,7 +39,7 @@ from orthoglide_cal.losses import (
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.words import MM_PER_INCH
 
-# --- two, and a correction between them -------------------------------------------------------
+# --- two sessions, and a correction between them ----------------------------------------------
 
 # Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
 STANDS = 0.01
@@ -131,7 +131,7 @@ def decide_response(
     return stated, max(same, key=itemgetter(0))[1]
 
 
-# --- several dates ----------------------------------------------------------------------------
+# --- sessions of several dates ----------------------------------------------------------------
 
 SPREADS = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session knows
 FREE = 1e4  # prior size, in the same units, of the parameters and of what is reported: any

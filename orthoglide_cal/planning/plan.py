@@ -8,8 +8,8 @@ A kind of machine that measures itself offers layouts, ways to spread its readin
 compared on equal terms, and the best is the quickest that distinguishes what hides behind each
 other in the usual ones. Every other kind is measured by protocols: a session is compared with other
 numbers of cycles, protocols and methods, and the best design takes the fewest readings for its U.
-What is measured next, in addition to readings that there are, is ranked by what it decides and
-determines for the time.
+What is measured next, in addition to readings that there are, starts from the explanations that
+their diagnosis leaves. It is ranked by what it decides and determines for the time.
 """
 
 import math
@@ -617,10 +617,10 @@ HALF_WAY = 0.5  # along the leg
 # A gauge place nearer to another than this share of the leg teaches nothing new.
 ANOTHER_PLACE = 0.08
 LEGS = (0, 1, 2)
-TIMES = (1, 5)  # cycles of what is read in addition
-ALONE = (1, 2, 3, 5)  # cycles of a session of its own
-# So many explanations are looked at, the likeliest.
-MOST = 8
+MORE_CYCLES = (1, 5)  # of what is read in addition
+ALONE_CYCLES = (1, 2, 3, 5)  # of a session of its own
+# The likeliest explanations that a measurement is ranked by.
+MOST_EXPLANATIONS = 8
 
 
 def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
@@ -640,7 +640,7 @@ def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
         return
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
-    for cycles in ALONE:
+    for cycles in ALONE_CYCLES:
         session = GuidedSession(protocol=protocol, cycles=cycles)
         plan, minutes = timed_plan(session.steps(machine), MINUTES_PER_SETUP)
         task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
@@ -713,7 +713,7 @@ def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     # Of two stands the one that is farther from half-way bounds the travel.
     farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
     walks = _walks(machine, farthest)
-    for cycles, (walk, stops) in product(TIMES, walks):
+    for cycles, (walk, stops) in product(MORE_CYCLES, walks):
         task = Reason.of("read_on", leg=AXES[leg], cycles=cycles, walk=walk)
         yield option(task, (*stops * cycles, 0.0))
     walk, stops = walks[0]
@@ -755,13 +755,13 @@ def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasuremen
     usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
     half_way = bool(np.any(np.not_equal(fixed, HALF_WAY)))
-    for cycles, legs in product(TIMES, ((0,), (1,), (2,), LEGS)):
+    for cycles, legs in product(MORE_CYCLES, ((0,), (1,), (2,), LEGS)):
         again, turn = ("stand_again", "turn_bar") if len(legs) == 1 else ("repeat", "turn_bars")
         how = {"leg": AXES[legs[0]], "cycles": cycles, "half_way": half_way}
         for walk, stops in walks:
             yield option(Reason.of(again, **how, walk=walk), legs, stops * cycles)
         yield option(Reason.of(turn, **how), legs, usual * cycles, turned=True)
-    for cycles, at in product(TIMES, machine.gauge_places):
+    for cycles, at in product(MORE_CYCLES, machine.gauge_places):
         if np.all(np.abs(fixed - at) > ANOTHER_PLACE):
             task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
             yield option(task, LEGS, usual * cycles, gauge_at=at)
@@ -808,7 +808,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
             return ()
     # With many readings a probability may be too small for a number: such a one decides nothing.
     possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
-    likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST]
+    likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST_EXPLANATIONS]
     # Readings that cannot be solved together with the first ones are judged alone.
     alone = [] if first is not None else [(share, fit.unread) for share, fit in likeliest]
     predicted = predictions(model, first, choice, [*likeliest, *alone])
@@ -865,7 +865,9 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         )
         gained = float(expanded.max() - now) / (SITTING + option.minutes)
         ranking.append((losses[number] if decides else 0.0, gained, measurement))
-    return tuple(measurement for *_, measurement in sorted(ranking, key=lambda row: row[:2]))
+    # What is worth as much but for rounding stays in the order in which it is offered.
+    ranking.sort(key=lambda row: (round(row[0], 9), round(row[1], 9)))
+    return tuple(measurement for *_, measurement in ranking)
 
 
 def best_next(diagnosis: Diagnosis) -> NextMeasurement | None:

@@ -1,4 +1,4 @@
-"""The answer to one measurement, as `--json` prints it and as every page draws it.
+"""The answer to one measurement, as `--json` prints and every page draws it, and its identity.
 
 `true position = indicated + found`. Lengths are in mm unless a unit is given. A list over
 the parameters has one entry for each of `parameters`, in their order.

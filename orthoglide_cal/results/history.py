@@ -24,9 +24,7 @@ from orthoglide_cal.estimation.budget import (
     fixed_influences,
     half_width,
 )
-from orthoglide_cal.estimation.gaussian import (
-    mixture,
-)
+from orthoglide_cal.estimation.gaussian import mixture
 from orthoglide_cal.estimation.solution import require_settings, solve
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values

@@ -8,7 +8,7 @@ The parameters are those under the verdict:
     unexplained    alone, widened by the unexplained part
 
 and with a method that was asked for always the parameters alone, as the paper has them. Whether
-they may be entered, and if not what to do, is decided here, too.
+they may be entered, what to do if not, and under which conditions they hold is stated here, too.
 """
 
 import math
