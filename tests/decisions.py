@@ -72,9 +72,9 @@ replace("decided", once(DIAGNOSE.decided), "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
 for name in ("scaled", "settled"):
     setattr(DIAGNOSE.Diagnosis, name, functools.lru_cache(KEPT)(getattr(DIAGNOSE.Diagnosis, name)))
-PLAN = module_of("planning.plan")
-ranked = functools.lru_cache(KEPT)(PLAN.rank_measurements)
-replace("rank_measurements", ranked, "planning.plan", "session.dialogue")
+PLAN, NEXT = map(module_of, ("planning.plan", "planning.next_measurement"))
+ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
+replace("rank_measurements", ranked, "planning.next_measurement", "session.dialogue")
 # Of the layouts of a printer there are some dozens.
 apart = once(PLAN.separations, 200)
 replace("separations", apart, "planning.plan")

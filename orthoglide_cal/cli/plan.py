@@ -32,7 +32,8 @@ def plan(
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.inference.diagnose import diagnose
-    from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
+    from orthoglide_cal.planning.next_measurement import rank_measurements
+    from orthoglide_cal.planning.plan import chosen_session, measurement_plan
     from orthoglide_cal.planning.program import chosen_program
     from orthoglide_cal.planning.steps import GuidedSession, require_on_bar
     from orthoglide_cal.report.documents.plan import plan_document

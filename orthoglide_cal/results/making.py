@@ -116,7 +116,7 @@ def answer_to(
     following = None
     if diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
-        from orthoglide_cal.planning.plan import best_next
+        from orthoglide_cal.planning.next_measurement import best_next
 
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following, corrects)

@@ -36,7 +36,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
-from orthoglide_cal.planning.plan import rank_measurements
+from orthoglide_cal.planning.next_measurement import rank_measurements
 from orthoglide_cal.planning.steps import (
     GIVES_UP,
     MOST_CYCLES,

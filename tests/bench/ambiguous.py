@@ -14,7 +14,7 @@ import numpy as np
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import NextMeasurement, Verdict
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning.plan import rank_measurements
+from orthoglide_cal.planning.next_measurement import rank_measurements
 from tests.inference.sessions import known
 from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT

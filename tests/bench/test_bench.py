@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import Verdict
-from orthoglide_cal.planning.plan import best_next
+from orthoglide_cal.planning.next_measurement import best_next
 from tests.inference.sessions import known
 from tests.truth import (
     CAUSES,

@@ -21,7 +21,7 @@ from orthoglide_cal.inference.prediction import Later
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.plan import best_next
+from orthoglide_cal.planning.next_measurement import best_next
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results.making import answer_to
 from tests.inference.sessions import given, ids

@@ -15,7 +15,12 @@ from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning.plan import best_next, options, predictions, rank_measurements
+from orthoglide_cal.planning.next_measurement import (
+    best_next,
+    options,
+    predictions,
+    rank_measurements,
+)
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results.making import answer_to
 from tests import truth

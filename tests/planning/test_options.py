@@ -20,7 +20,7 @@ from orthoglide_cal.model.orthoglide import (
 )
 from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.plan import WAIT_MIN, options
+from orthoglide_cal.planning.next_measurement import WAIT_MIN, options
 from orthoglide_cal.planning.steps import Order, clock, design_of, steps_of
 from orthoglide_cal.report.sentences import sentence
 from tests import truth

@@ -13,12 +13,8 @@ import pytest
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning.plan import (
-    MeasurementPlan,
-    chosen_session,
-    measurement_plan,
-    rank_measurements,
-)
+from orthoglide_cal.planning.next_measurement import rank_measurements
+from orthoglide_cal.planning.plan import MeasurementPlan, chosen_session, measurement_plan
 from orthoglide_cal.planning.steps import GuidedSession, MeasuringProtocol
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document

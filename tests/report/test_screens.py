@@ -14,7 +14,8 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import Verdict
-from orthoglide_cal.planning.plan import chosen_session, measurement_plan, rank_measurements
+from orthoglide_cal.planning.next_measurement import rank_measurements
+from orthoglide_cal.planning.plan import chosen_session, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document

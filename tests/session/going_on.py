@@ -11,7 +11,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.planning.plan import rank_measurements
+from orthoglide_cal.planning.next_measurement import rank_measurements
 from orthoglide_cal.session.events import Event, Journal
 
 SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")

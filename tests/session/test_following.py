@@ -15,7 +15,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference.diagnose import diagnose
-from orthoglide_cal.planning.plan import rank_measurements
+from orthoglide_cal.planning.next_measurement import rank_measurements
 from orthoglide_cal.planning.steps import GIVES_UP
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.session import dialogue as opening
