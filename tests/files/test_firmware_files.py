@@ -250,7 +250,9 @@ def test_lines_of_other_consoles_are_read_where_the_machine_is_known(
     own: Path, tmp_path: Path, firmware: str
 ) -> None:
     path = saved(own, listed(firmware), "console.txt")
-    given = read_input(path, printer_settings(own / "config.g"))
+    given = read_input(path, settings := printer_settings(own / "config.g"))
+    [fault] = problems(read_input, path, settings, None, "calibration")
+    assert "Leave out --data, or run G" in fault.remedy
     assert len(given.measured) == 19
     off = found(given) - true_parameters()
     off[:3] += 0.5 * (firmware == "repetier")
