@@ -1,4 +1,4 @@
-"""Faults of the record."""
+"""Faults of the record: a wrong reading, miscounted turns, exchanged labels, signs or units."""
 
 import functools
 from abc import ABC, abstractmethod
