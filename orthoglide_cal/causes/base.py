@@ -31,10 +31,11 @@ class PatternCause(Cause):
         """Readings added by one internal unit at each place, a reading, shape (n, places)."""
         return Patterns.at(plan, [place[0] for place in places], list(map(self.onward, places)))
 
-    def spoiled(self, place: Place, plan: AnyPlan) -> tuple[int, ...]:
-        """The fewer of the readings of a set-up that it changes and the others: zero is unknown.
+    def minority(self, place: Place, plan: AnyPlan) -> tuple[int, ...]:
+        """The readings that it changes, or the others of their set-up, whichever are fewer.
 
-        A step that leaves one reading behind is one wrong reading, as is one that moves one.
+        Their zero is unknown: a step that leaves one reading behind is one wrong reading, as is one
+        that moves one.
         """
         readings = np.flatnonzero(self._pattern(place, plan).any(axis=1))
         rest = np.setdiff1d(np.flatnonzero(plan.shared == plan.shared[readings[0]]), readings)

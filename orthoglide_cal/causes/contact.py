@@ -93,7 +93,7 @@ class StandShift(PatternCause):
         That is one wrong reading: nothing that is read later can show that it was a knock.
         """
         (knocked,) = place
-        again = self.spoiled(place, plan)
+        again = self.minority(place, plan)
         will_show = bool(plan.standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
 

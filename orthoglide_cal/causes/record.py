@@ -1,4 +1,4 @@
-"""Faults of the record."""
+"""Faults of the record: a wrong reading, miscounted turns, exchanged labels, signs or units."""
 
 import functools
 from abc import ABC, abstractmethod
@@ -75,7 +75,7 @@ class GaugeSlip(PatternCause):
     record = PatternCause.added
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
-        return self.spoiled(place, plan)
+        return self.minority(place, plan)
 
     def millimetres(self, machine: Machine) -> float:
         return machine.instrument.turn_mm

@@ -368,7 +368,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
 
 # --- methods --------------------------------------------------------------------------------------
 
-
 DESCRIPTIONS = {
     DataKind.READINGS: "raw readings",
     DataKind.SIX: "six differences (max − min)",

@@ -459,8 +459,9 @@ def printer_settings(path: Path) -> PrinterFile | None:
     """Settings in a firmware's file; None for a file of another kind. Raises InputError."""
     document = read_document(str(path))
     format = _format_of(document)
-    read = format and (format.settings or format.read)
-    return read(document) if read else None
+    if format and format.read and format.settings is None:
+        return format.read(document)
+    return gcode.own_codes(document)
 
 
 def _firmware_file(

@@ -137,7 +137,7 @@ class Settings(Content):
             if stray or (begun and not re.match(r"#\*#( |$)", text)):
                 where = "above" if stray else "below"
                 remedy = "Move it above the block." if text.strip() and begun else "Delete it."
-                fault = f"Klipper drops SAVE_CONFIG's block: this line stands {where} its heading."
+                fault = f"Klipper drops SAVE_CONFIG's block: something stands {where} its heading."
                 yield InputError(fault, remedy, file=self.file, line=line, value=text)
 
     def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:

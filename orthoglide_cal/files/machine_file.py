@@ -1,4 +1,4 @@
-"""Machine files (`orthocal guide machine`) to a `Model` and back; the one of the package.
+"""Machine files (`orthocal guide machine`) to a `Model` and back, edited in place; the package's.
 
 What a machine is made of its class says; here is what stands around it in the file, and what
 depends on which causes there are.

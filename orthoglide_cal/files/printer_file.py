@@ -143,8 +143,9 @@ class PrinterFile(ReadOnly):
             if not self.data:
                 fault, remedy = "The file stores neither probed heights nor a mesh.", "Run"
             again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
-            probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
-            raise InputError(fault, f"{remedy} {probing[self.firmware]}.", file=self.source.path)
+            probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "text": "G33"}
+            remedy = f"{remedy} {probing.get(self.firmware, 'G29')}."
+            raise InputError(fault, remedy, file=self.source.path)
         readings, mesh = self.data[chosen], chosen == "mesh"
         _check_stored(readings, machine, reckoned=self.firmware == "klipper" and not mesh)
         touches = readings.plan.touches

@@ -64,6 +64,8 @@ _POSTURES = {posture.value for posture in Posture}
 _MISSING = "The value is missing."
 _AXIS = "Write x, y or z."
 _READING = "Give the reading, or remove the row."
+_PLACE = "Give it, or remove the row."
+_HEIGHT = "Write the height at which the probe triggers, or remove the row."
 _POSTURE = "Write iso, max, min or a displacement in mm."
 
 
@@ -232,9 +234,7 @@ class ProbeRow(Row):
     note: str | None = None
     simulated: Mark | None = None
 
-    needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
-        ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
-    )
+    needed: ClassVar[Mapping[str, str]] = {"x_mm": _PLACE, "y_mm": _PLACE, "reading_mm": _HEIGHT}
 
 
 KIND_WORDS = {

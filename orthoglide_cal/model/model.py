@@ -47,8 +47,6 @@ class Stage(StrEnum):
 # Where a cause acts, as indices that the cause understands.
 Place = tuple[int, ...]
 EVERYWHERE: Place = ()
-
-
 CONFIDENCE = 0.95  # of every expanded uncertainty
 NORMAL_K = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)  # U/u of a normal distribution
 

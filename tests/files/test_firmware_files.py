@@ -114,6 +114,9 @@ def test_an_override_counts_where_it_is_loaded_and_tells_the_age_of_a_map(own: P
     assert "is older" not in remarks(path)
     saved(own, head.format(2) + line, "config-override.g")
     assert "older than the calibration in force (config-override.g, 2024" in remarks(path)
+    saved(own, "; nothing but\nif true\n  M501\n", "config.g")
+    assert printer_settings(own / "config.g")
+    assert not printer_settings(own / "heightmap.csv")  # they are beside it
 
 
 def test_the_settings_may_be_named(tmp_path: Path) -> None:
@@ -247,7 +250,9 @@ def test_lines_of_other_consoles_are_read_where_the_machine_is_known(
     own: Path, tmp_path: Path, firmware: str
 ) -> None:
     path = saved(own, listed(firmware), "console.txt")
-    given = read_input(path, printer_settings(own / "config.g"))
+    given = read_input(path, settings := printer_settings(own / "config.g"))
+    [fault] = problems(read_input, path, settings, None, "calibration")
+    assert "Leave out --data, or run G" in fault.remedy
     assert len(given.measured) == 19
     off = found(given) - true_parameters()
     off[:3] += 0.5 * (firmware == "repetier")

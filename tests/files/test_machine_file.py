@@ -1,4 +1,4 @@
-"""The machine file of both kinds: what is accepted, what is refused and how, round trips."""
+"""The machine file of both kinds: what is accepted, what is refused and how, round trips, edits."""
 
 import json
 import re
@@ -16,6 +16,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import (
     default_machine,
+    edited,
     machine_file_in,
     machine_from_text,
     machine_in,
@@ -352,3 +353,71 @@ def test_a_file_of_ones_own_without_identified_gets_a_remark(tmp_path):
     (remark,) = check_file(str(path))[0].remarks
     assert remark.code == "no_identified"
     assert check_file(str(PROTOTYPE))[0].remarks == ()
+
+
+# --- edited in place: what is not changed stays, letter by letter ------------------------------
+
+
+def test_only_the_line_of_the_key_changes() -> None:
+    new = edited(TEXT, {("leg_length_mm",): 400, ("gauge", "range_mm"): 12.5})
+    before, after = TEXT.splitlines(), new.splitlines()
+    assert [(a, b) for a, b in zip(before, after, strict=True) if a != b] == [
+        (
+            "leg_length_mm: 310.25          # L, the parallelograms' length",
+            "leg_length_mm: 400          # L, the parallelograms' length",
+        ),
+        ("  range_mm: 10", "  range_mm: 12.5"),
+    ]
+
+
+ENTRIES = [{"date": "2025-01-31", "before": {"x": 0.0}, "after": {"x": -0.25}}]
+OTHER = {"x": 0.43, "y": -0.2, "z": 0.0}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name: a # b\noffsets_mm: {x: 0, y: 0, z: 0} # now\nidentified: []\n",
+        "offsets_mm:\n  x: 0   # first\n  y: 0\n  # of z\n  z: 0\nname: a",
+        "offsets_mm: {x: 0}\nhistory: []\nname: a\n",
+        "offsets_mm:\nhistory:\n\n# of the name\nname: a\n",
+        "offsets_mm: {x: 0,\n  y: 0, z: 0}\nhistory: ~ # none\nname: a\n",
+        "history:\n  - {date: a}\n  # second\n  - date: b\n    after: {x: 1} # end\nname: a\n",
+        'name: "a"\nhistory:\n- date: a\n  before: {x: 0}\n- {date: b}\n# the end\n',
+    ],
+)
+def test_values_are_those_asked_for_and_every_comment_outside_them_stays(text: str) -> None:
+    wanted = {"offsets_mm": OTHER, "history": ENTRIES}
+    offsets = {("offsets_mm", axis): value for axis, value in OTHER.items()}
+    whole = offsets if "# first" in text else {("offsets_mm",): OTHER}
+    new = edited(text, {**whole, ("history",): ENTRIES})
+    assert yaml.safe_load(new) == {**yaml.safe_load(text), **wanted}
+    for comment in ("# b", "# now", "# first", "# of z", "# of the name", "# none", "# the end"):
+        assert (comment in new) == (comment in text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: 1\nh: []\n",
+        "a: 1\nh: [] # none",
+        "h:\n  - a: 0 # first\n\n# then\nb: 2\n",
+        "h:\r\n- {a: 0}\r\n- b: 1\r\n",
+        '{"h": [{"a": 0}, {"b": 1}], "complete": true}\n',
+    ],
+)
+def test_an_item_comes_last_and_goes_again(text: str) -> None:
+    items = yaml.safe_load(text)["h"]
+    new = edited(text, {("h", len(items)): {"x": 1, "y": [1, 2], "z": {"b": [{"c": 1}]}}}, " # no")
+    assert yaml.safe_load(new)["h"][:-1] == items
+    assert "\r" not in text or new.count("\r\n") == new.count("\n")
+    assert yaml.safe_load(new)["h"][-1]["z"] == {"b": [{"c": 1}]}
+    assert edited(new, {("h", len(items)): None}) == text
+
+
+@pytest.mark.parametrize("text", ["a: 1", "a:\n  b: 1 # b\n# end\n", "a: 1\n\ncomplete: true\n"])
+def test_a_key_comes_last_and_goes_again(text: str) -> None:
+    new = edited(text, {("h",): [{"x": 1}], ("v",): {"x": 1}}, " # new")
+    assert new.count(" # new\n") == 2 or new.endswith(" # new")
+    assert yaml.safe_load(new) == {**yaml.safe_load(text), "h": [{"x": 1}], "v": {"x": 1}}
+    assert edited(new, {("v",): None, ("h",): None}) == text
