@@ -1092,7 +1092,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         raise UsageError(fault, "Leave those options out, or begin a new session in another file.")
 
 
-# ---- its file: `session.yaml` in the end, `session.events` meanwhile
+# ---- its file: `session.yaml` in the end, `session.journal` meanwhile
 
 
 def session_path(given: Path) -> Path:
