@@ -616,11 +616,8 @@ class Dialogue:
 
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
-        if (
-            (until := self.request.until_mm) is None
-            or self.state.dropped
-            or not self._known_within(until)
-        ):
+        until = self.request.until_mm
+        if until is None or self.state.dropped or not self._known_within(until):
             return
         if not (dropped := self.so_far.unneeded()):
             return
