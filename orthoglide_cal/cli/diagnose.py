@@ -90,8 +90,9 @@ def diagnose(
                 sensitivity=full,
                 recalibrated=recalibrated,
             )
-        known = {"holdout": holdout, "details": full, "dates": dates if together else ()}
-        case = replace(common.judged(given, diagnosed=diagnosed, **known), options=options)
+        dated = dates if together else ()
+        case = common.judged(given, diagnosed=diagnosed, holdout=holdout, details=full, dates=dated)
+        case = replace(case, options=options)
         common.deliver(diagnosis_document(case), as_json=json, details=details)
         if accept is None or diagnosed is None:
             return 0 if case.answer.verdict else UnusableResultError.exit_code

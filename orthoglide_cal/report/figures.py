@@ -1,7 +1,7 @@
 """Figures of a page, with the same in characters: measured values, residuals, causes, the machine.
 
-Drawing functions take plain values and return pictures; every number that a picture writes, but
-those of its axes, is one that it was given.
+Functions that draw take plain values, those that choose what is drawn a case; every number that a
+picture writes, but those of its axes, is one that it was given.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""The guided measurement: steps, live checks, journal, gauges; no numerics of its own."""
+"""The guided measurement: steps, forecast and live checks of readings, journal, gauges."""

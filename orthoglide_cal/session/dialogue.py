@@ -616,11 +616,8 @@ class Dialogue:
 
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
-        if (
-            (until := self.request.until_mm) is None
-            or self.state.dropped
-            or not self._known_within(until)
-        ):
+        until = self.request.until_mm
+        if until is None or self.state.dropped or not self._known_within(until):
             return
         if not (dropped := self.so_far.unneeded()):
             return
@@ -1092,7 +1089,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         raise UsageError(fault, "Leave those options out, or begin a new session in another file.")
 
 
-# ---- its file: `session.yaml` in the end, `session.events` meanwhile
+# ---- its file: `session.yaml` in the end, `session.journal` meanwhile
 
 
 def session_path(given: Path) -> Path:

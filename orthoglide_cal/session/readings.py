@@ -1,8 +1,8 @@
 """The readings of a session and those that it continues: as arrays, and as its file holds them.
 
-And live checks: is this reading what the readings before it, and the model, lead to expect? It is
-questioned when its deviation is as improbable as one beyond LIMIT standard errors, and the question
-names the blunder that explains it best. Nothing is altered.
+With the forecast of the next reading, and live checks: is a reading what those before it, and the
+model, lead to expect? It is questioned when its deviation is as improbable as one beyond LIMIT
+standard errors, and the question names the blunder that explains it best. Nothing is altered.
 """
 
 import math
