@@ -33,17 +33,13 @@ def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
     cause, page = CAUSES[id], PAGES[id]
     assert re.match(rf"# {id}: [a-z].*[^.]\n", page)
     assert blocks(page, "text"), "no picture"
-    size = re.search(r"^- \*Usual size\*: (.*)", page, re.MULTILINE)
-    assert size
+    assert (size := re.search(r"^- \*Usual size\*: (.*)", page, re.MULTILINE))
     assert "**What to do.**" in page
-    if cause.names and not getattr(cause, "counts", None):
+    if cause.names and not cause.counts:
         usual = next(iter(cause.sizes.values()))
         assert size[1].startswith(f"{usual:g} {unit_words(cause.unit)}")
     # Another kind of machine may have another size.
-    sizes = {
-        re.sub("(?<=[a-z])(?=[A-Z])", "_", kind.__name__).lower(): usual
-        for kind, usual in cause.sizes.items()
-    }
+    sizes = {kind.model_fields["kind"].default: usual for kind, usual in cause.sizes.items()}
     for kind, usual in sizes.items():
         if usual != sizes.get("orthoglide", usual):
             said = rf"{usual:g} {re.escape(unit_words(cause.unit))}.*{kind.replace('_', ' ')}"
