@@ -156,14 +156,14 @@ def _version(value: object) -> object:
     return 1
 
 
-def text_that(passes: Callable[[str], object], what: str, remedy: str) -> AfterValidator:
+def text_that(passes: Callable[[str], object], fault: str, remedy: str) -> AfterValidator:
     """A text that passes a check; of another one it is false, or raises ValueError."""
 
     def check(text: str) -> str:
         with suppress(ValueError):
             if passes(text):
                 return text
-        raise InputError(what, remedy)
+        raise InputError(fault, remedy)
 
     return AfterValidator(check)
 

@@ -41,7 +41,8 @@ def guide(
         fault = f"The guide has no page {name!r}." + (f" Nearest: {names}." if names else "")
         raise UsageError(fault, "All pages: orthocal guide")
     # Above its title stands what other pages take from the page of a cause.
-    text = pages[wanted].read_text(encoding="utf-8").rpartition("---\n\n")[2]
+    text = pages[wanted].read_text(encoding="utf-8")
+    text = text.split("---\n", 2)[2].lstrip() if text.startswith("---\n") else text
     console = common.console()
     if not console.is_terminal:
         print(text, end="")

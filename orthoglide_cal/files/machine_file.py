@@ -252,15 +252,15 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
     for id, values in corrected.items() if isinstance(corrected, dict) else ():
         place = (*path, "corrected", id)
         if id not in by_joint:
-            what = "No controller corrects this."
-            tree.note(place, what, f"Known: {', '.join(by_joint)}.", id)
+            fault = "No controller corrects this."
+            tree.note(place, fault, f"Known: {', '.join(by_joint)}.", id)
             continue
         names = by_joint[id].values()
         for name in values if isinstance(values, dict) else ():
             if name not in names:
-                what, remedy = "This is no parameter of it.", f"Known: {', '.join(names)}."
-                tree.note((*place, name), what, remedy, name)
-    noted = {fault.column for fault in tree.problems}
+                fault, remedy = "This is no parameter of it.", f"Known: {', '.join(names)}."
+                tree.note((*place, name), fault, remedy, name)
+    noted = {problem.column for problem in tree.problems}
     for id, text in sizes.items() if isinstance(sizes, dict) else ():
         place = (*path, "tolerances", id)
         if id not in causes:
@@ -271,8 +271,8 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
                 times = f"more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
                 tree.note(place, f"That is {times}", f"Give it in {CAUSES[id].unit or 'its unit'}.")
             elif 0.0 < size < _SMALLEST_TOLERANCE:
-                what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
-                tree.note(place, what, "Give 0 to rule it out.")
+                fault = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
+                tree.note(place, fault, "Give 0 to rule it out.")
     if len(tree.problems) > before:
         return None
     fields = {name: getattr(file, name) for name in machine.model_fields}

@@ -479,9 +479,9 @@ class Rows(Generic[R]):
         simulated = any("simulated" in cells for cells in self.cells)
         return replace(self.content.document.source, simulated=simulated)
 
-    def note(self, index: int, column: str, what: str, remedy: str) -> None:
+    def note(self, index: int, column: str, fault: str, remedy: str) -> None:
         """Note a fault in row `index`."""
-        self.content.note((*self.path, index, column), what, remedy)
+        self.content.note((*self.path, index, column), fault, remedy)
         self.rows[index] = None
 
     @property

@@ -228,27 +228,27 @@ def in_csv(text: str) -> str:
 
 
 def _decoded(data: bytes, path: str) -> str:
-    def refused(what: str, remedy: str, at: int, value: str | None = None) -> InputError:
+    def refused(fault: str, remedy: str, at: int, value: str | None = None) -> InputError:
         line = len(data[:at].splitlines()) + data[:at].endswith((b"\n", b"\r"))
-        return InputError(what, remedy, file=path, line=max(line, 1), value=value)
+        return InputError(fault, remedy, file=path, line=max(line, 1), value=value)
 
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise refused("The text is encoded as UTF-16.", _UTF8, 0)
     if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        what = "This is a spreadsheet or an archive, not text."
-        raise InputError(what, "Save the sheet as CSV (UTF-8) and give that file.", file=path)
+        fault = "This is a spreadsheet or an archive, not text."
+        raise InputError(fault, "Save the sheet as CSV (UTF-8) and give that file.", file=path)
     nul = data.find(b"\0")
     if nul >= 0:
-        what = "This is no text file, or a damaged one: it holds a NUL byte."
-        raise refused(what, _GIVE, nul)
+        fault = "This is no text file, or a damaged one: it holds a NUL byte."
+        raise refused(fault, _GIVE, nul)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        what, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
+        fault, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
         if CONTROL.search(data.decode("ascii", "ignore")):
             raise InputError("This is no text file.", _GIVE, file=path) from error
-        raise refused(what, _UTF8, error.start, f"byte 0x{value:02X}") from error
+        raise refused(fault, _UTF8, error.start, f"byte 0x{value:02X}") from error
     if control := CONTROL.search(text):
-        what, remedy = "The text holds a control character.", "Remove it; a file is plain text."
-        raise refused(what, remedy, data.index(control[0].encode()), control[0])
+        fault, remedy = "The text holds a control character.", "Remove it; a file is plain text."
+        raise refused(fault, remedy, data.index(control[0].encode()), control[0])
     return text.replace("\r\n", "\n").replace("\r", "\n")

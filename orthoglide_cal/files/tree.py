@@ -75,7 +75,7 @@ class Content:
 
     def add(
         self,
-        what: str,
+        fault: str,
         remedy: str,
         line: int | None = None,
         column: str | None = None,
@@ -85,9 +85,9 @@ class Content:
         if len(self.problems) == _MOST:
             rest = InputError("There are more faults like these.", _FIRST, file=self.file)
             raise InputError.of((*self.error().problems, rest))
-        fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
-        fault.of_table = self.of_table
-        self.problems.append(fault)
+        problem = InputError(fault, remedy, file=self.file, line=line, column=column, value=value)
+        problem.of_table = self.of_table
+        self.problems.append(problem)
 
     @contextmanager
     def noting(
@@ -127,10 +127,10 @@ class Content:
         text = value if there == path and isinstance(value, str) else None
         return self.lines.get(there, 1), dotted(path), text
 
-    def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
+    def note(self, path: Steps, fault: str, remedy: str, value: str | None = None) -> None:
         """Note a fault of the node at `path`; `value` instead of the text there."""
         line, column, text = self.place(path)
-        self.add(what, remedy, line, column, value or text)
+        self.add(fault, remedy, line, column, value or text)
 
     def take(
         self,

@@ -346,7 +346,7 @@ class LinearDelta(Machine):
         one="parameter",
         many="parameters",
         title="Parameters",
-        found="found",
+        symbol="found",
         relation="real value = the controller's + found",
         restart="Restart the firmware, home the printer, and make a new bed mesh.",
         entering="Enter the parameters, restart the firmware, home, make a new mesh",
@@ -728,9 +728,9 @@ def touching(
     return ProbePlan(order=order, hours=clock / 60.0, place=place, surface=surface, **columns)
 
 
-def layout_of(name: str, what: str, parts: Sequence[tuple[Floats, float]]) -> Layout:
+def layout_of(name: str, words: str, parts: Sequence[tuple[Floats, float]]) -> Layout:
     """Touches of places (m, 2) [mm], height by height."""
     place = np.vstack([np.column_stack((at, np.full(len(at), high))) for at, high in parts])
     pace = MINUTES_PER_TOUCH + MINUTES_PER_BLOCK * (place[:, 2] > 0.0)
     plan = touching(place, place[:, 2], minutes=np.cumsum(pace) - pace[0])
-    return Layout(name, what, plan, float(pace.sum()))
+    return Layout(name, words, plan, float(pace.sum()))

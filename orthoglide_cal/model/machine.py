@@ -186,12 +186,12 @@ class Bed(NamedTuple):
 class Suspicion(NamedTuple):
     """A plunger that leaves its bar, or comes near its end."""
 
-    what: str  # one sentence, with the place
+    fault: str  # one sentence, with the place
     remedy: str
     size: float  # how far it is beyond the end [mm]; 0 on the bar
 
     def __str__(self) -> str:
-        return f"{self.what} {self.remedy}"
+        return f"{self.fault} {self.remedy}"
 
 
 class Instrument(Schema):
@@ -273,7 +273,7 @@ class Vocabulary:
     one: str  # what is calibrated: "offset"
     many: str
     title: str  # its full name, as a heading: "Joint offsets"
-    found: str  # what was found of it, as a column's head: "Δρ"
+    symbol: str  # of a change of it, as a column's head: "Δρ"
     relation: str  # how the found value belongs to the real one
     restart: str  # what makes the controller use the new values
     entering: str  # how they are entered, and that, in a few words

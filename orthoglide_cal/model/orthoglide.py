@@ -72,7 +72,7 @@ class Orthoglide(Machine):
         one="offset",
         many="offsets",
         title="Joint offsets",
-        found="Δρ",
+        symbol="Δρ",
         relation="true position = indicated + Δρ",
         restart="Re-home all three axes.",
         entering="Enter the offsets, home all axes",

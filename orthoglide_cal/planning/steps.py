@@ -270,5 +270,5 @@ def require_on_bar(plan: Plan, machine: Machine) -> Suspicion | None:
     """
     warning = machine.bar_warning(plan)
     if warning is not None and warning.size > 0.0:
-        raise PostureError(warning.what, warning.remedy)
+        raise PostureError(warning.fault, warning.remedy)
     return warning

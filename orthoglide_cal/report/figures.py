@@ -883,7 +883,7 @@ def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
     if _on_bed(case):
         if cause != case.answer.causes[0]:
             return None  # one map shows what all of them do
-        sure = one and any(CAUSES[found.id].hides_reading for found in case.answer.causes)
+        sure = one and any(CAUSES[other.id].hides_reading for other in case.answer.causes)
         maps = []
         for title, at, places in _surfaces(case):
             ringed = np.isin(at, one) if sure else None

@@ -417,7 +417,7 @@ def _parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     else:
         columns["active"] = [plain(row.active, answer.decimals) for row in every]
         head = "found" if enter or answer.release.settled else "if entered"
-        columns[head if brief else words.found] = changes(every)
+        columns[head if brief else words.symbol] = changes(every)
     columns["± U"] = [two_figures(row.expanded) for row in every]
     if enter:
         write = typed if same else plain
