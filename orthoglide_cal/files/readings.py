@@ -336,7 +336,7 @@ class Table(Content):
                 fault = f"The row has {len(cells)} cells, the header {len(self.columns)}."
                 remedy = f"Put a cell that holds {delimiter!r} in quotes."
                 if delimiter == ",":
-                    remedy = "For decimal commas separate the columns with semicolons"
+                    remedy = "For decimal commas separate columns with semicolons"
                     remedy += ", in the header too."
                 self.add(fault, remedy, line=line, value=shown)
             elif any(cells):
