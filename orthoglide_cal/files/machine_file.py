@@ -364,7 +364,7 @@ def with_history(
     history more or less, not written; the digest is still that of the file.
 
     Every other byte stays, and a number moves as it is written: to take an entry back leaves what
-    was there before it. Raises InputError: it could not be read again.
+    was there before it. Raises InputError: it could not be read again, or not be taken back.
     """
     model, document, past = file.model, file.document, file.model.machine.history
     model = model if active is None else model.holding([*active.values()])
@@ -392,8 +392,16 @@ def with_history(
     then = None
     with suppress(InputError, yaml.YAMLError):
         then = _stored(edited(text, changes, remark), document.path)
-    if then is None or machine_values(then.model) != values:  # a rare form of YAML
-        then = _stored(machine_text(model), document.path)
+    exact = then is not None and machine_values(then.model) == values
+    if then and exact and enters:
+        back = with_history(then, both[-1].before, both[-1].corrected_before, *past)
+        # A measurement may say that other values were active before than those in the file.
+        exact = document.data == back.document.data or machine_values(back.model) != before
+    if then is None or not exact:  # a rare form of YAML, or of none that could be read again
+        _stored(machine_text(model), document.path)
+        fault = "`orthocal apply --undo` could not restore this file exactly."
+        remedy = "Write keys on lines of their own, numbers without quotes, and `history: []`."
+        raise InputError(fault, remedy, file=document.path)
     return replace(then, document=replace(then.document, sha256=document.sha256))
 
 

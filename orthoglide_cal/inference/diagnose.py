@@ -334,13 +334,21 @@ class Diagnosis(Decision):
     def by_place(self) -> tuple[tuple[float, Fit], ...]:
         """Fits that are left open; of several each fault at every place where it may be.
 
-        After a named answer also faults that would not show but matter.
+        Also patterns beyond the list that make it too costly to name the best cause; after a named
+        answer faults that would not show but matter.
         """
         if self.verdict is Verdict.AMBIGUOUS:
-            return tuple(
-                placed
-                for share, fit in self.left_open
-                for placed in fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
+            unit = self.left_open[0][0] / self.listed[self.best] * self.beyond
+            return (
+                *chain.from_iterable(
+                    fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
+                    for share, fit in self.left_open
+                ),
+                *(
+                    (unit * share, fit)
+                    for share, fit in (() if self.is_nameable else self.patterned_fits)
+                    if self.loss_of_name(self.best, fit.hypothesis)
+                ),
             )
         matter = (self.silent_fits[fault.id] for fault in self.unshown if fault.matters)
         return (*self.left_open, *chain(*matter))

@@ -18,7 +18,6 @@ from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture, whiten
 from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.inference.data import UNSEEN, Ids
-from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import Expected, expect
@@ -258,18 +257,22 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         for p, (mean, _) in zip(predicted, odds, strict=True)
     ])  # fmt: skip
     shares, fits = np.array([share for share, _ in likeliest]), [fit for _, fit in likeliest]
-    # Another session meets what lasts.
+    # Another session meets what lasts. All patterns are one answer: that it is not listed.
+    hypotheses = [fit.hypothesis for fit in fits]
     met = ([e.cause for e in fit.effects if e.cause.lasting or first is not None] for fit in fits)
-    ids = [tuple(cause.id for cause in causes) for causes in met]
+    pairs = zip(hypotheses, met, strict=True)
+    ids = [(one.label,) if one.patterns else tuple(c.id for c in causes) for one, causes in pairs]
     # Whether two explanations are different answers: other causes, another remedy, (f, f).
-    remedies = (fit.hypothesis.remedy for fit in fits)
+    remedies = ("" if one.patterns else one.remedy for one in hypotheses)
     answers = [*zip(map(frozenset, ids), remedies, strict=True)]
     differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
     others = np.array(differ) & diagnosis.undecided
     # ln of how far below its bound a rival (second index) is against the true one; one that may be
-    # at several places keeps at each its part of what its name may keep.
-    places, known = Counter(ids), np.ones_like(shares) if alone else shares
-    bounds = np.array([[keep_ratio(other, one) / places[other] for other in ids] for one in ids])
+    # at several places keeps at each its part of what its name may keep, and so do patterns.
+    alike = [("",) if one.patterns else name for one, name in zip(hypotheses, ids, strict=True)]
+    places, known = Counter(alike), np.ones_like(shares) if alone else shares
+    bounds = np.array([[diagnosis.kept(h, best) for h in hypotheses] for best in hypotheses])
+    bounds /= [places[name] for name in alike]
     spare, shares = np.log(known[:, None] / known * bounds), shares / shares.sum()
     # Chance that new readings dismiss all other answers than the true explanation.
     sure = [np.where(others, ndtr((spare + mean) / std), 1.0).min(axis=1) for mean, std in odds]
@@ -376,7 +379,7 @@ def predictions(
         plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}
         plan, spans = _together(first, [*plans.values()])
         stay = first if continues else None
-        expected = [expect(fit, model, plan, stay) for _, fit in weighted]
+        expected = [expect(fit, model, plan, first, continues) for _, fit in weighted]
         for (k, new), span in zip(plans.items(), spans, strict=True):
             predicted[k] = _combined(weighted, expected, span, new, stay)
     return [predicted[k] for k in range(len(choice))]
@@ -412,6 +415,7 @@ def _combined(
     means = free(np.column_stack([mean for mean, _, _ in expected]))
     roots = [free(root) for _, _, root in expected]
     columns = np.hstack((means[:, 1:] - means[:, :1], *roots))
+    columns = columns[:, columns.any(axis=0)]
     # An orthonormal basis of the directions that exceed the noise, shape (m, r).
     m, c = columns.shape
     size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)

@@ -65,6 +65,7 @@ def test_full_bench_meets_the_demands() -> None:
 
 @pytest.mark.slow
 def test_full_bench_of_printers_meets_the_demands() -> None:
+    """Chance of false failure for a sound method: below 1e-3 for each of five rates."""
     bench = run_bench(draw_printers(FULL_PRINTERS, seed=1))
     assert {item.case.session.label for item in bench.judged} >= {HEALTHY, *DELTA_CAUSES}
     assert not failures(bench), full_report(bench)

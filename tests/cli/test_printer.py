@@ -156,7 +156,7 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
     """Afterwards the firmware has what was true, so nothing is left but noise."""
     both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
     compared = found(*both)
-    assert "Nothing more to do." in run(*both).stdout
+    assert "\n  Nothing more to do.\n" in run(*both).stdout
     changes = {**dict(zip("abc", SHIFT[:3], strict=True)), "radius": 0.24, "angle_a": 0.11}
     for name, change in changes.items():
         assert compared["entered"][name] == pytest.approx(change)

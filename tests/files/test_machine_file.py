@@ -63,12 +63,19 @@ def test_what_could_not_be_read_again_is_not_recorded() -> None:
         with_history(file, after, None, entry)
 
 
-def test_an_entry_is_recorded_in_a_file_that_cannot_be_edited_in_place() -> None:
-    text = json.dumps({**yaml.safe_load(TEXT), "history": []})
+def test_what_could_not_be_taken_back_exactly_is_not_recorded() -> None:
     before, after = ({"x": x, "y": 0.0, "z": 0.0} for x in (0.0, 0.1))
     entry = Entered(date="2025-01-31", before=before, after=after, data_sha256=DIGEST)
-    file = with_history(machine_file_in(load_tree(document(text))), after, None, entry)
-    assert read(file.document.text).machine.history == (entry,)
+    quoted = TEXT.replace("{x: 0,", "{x: '0',")
+    assert quoted != TEXT
+    for text in (
+        f"{TEXT}history: ~\n",
+        f"{TEXT}history:\n",
+        quoted,
+        json.dumps(yaml.safe_load(TEXT)),
+    ):
+        with pytest.raises(InputError, match="could not restore this file exactly"):
+            with_history(machine_file_in(load_tree(document(text))), after, None, entry)
 
 
 def read(text: str) -> Model:

@@ -9,6 +9,9 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.machine_file import default_machine
+from orthoglide_cal.report import sentences
 from orthoglide_cal.words import unit_words
 from tests.cli.program import DOUBLE, done, lines, run
 from tests.machines import ROOT
@@ -46,6 +49,16 @@ def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
             assert re.search(said, " ".join(page.split())), f"its size on a {kind}"
     if list(sizes) == ["linear_delta"]:
         assert "Of a linear delta." in page
+
+
+def test_a_key_of_its_head_that_nobody_reads_is_refused(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(sentences, "files", lambda _: tmp_path)
+    (tmp_path / "guide" / "causes").mkdir(parents=True)
+    for n, head in enumerate(("advise: Wait.", "linear_dleta:\n  advice: Wait.")):
+        path = tmp_path / "guide" / "causes" / f"{n}.md"
+        path.write_text(f"---\ncheck: c\n{head}\n---\n\n# {n}: a cause\n", encoding="utf-8")
+        with pytest.raises(InputError, match=f"causes/{n}.md, .*Known: title, check"):
+            sentences.cause_words(str(n), default_machine().machine)
 
 
 def test_every_page_stands_in_a_list() -> None:

@@ -105,8 +105,9 @@ def calibration_document(
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
             measured = _differences_left(left).blocks
-            steps = doc.next_steps(_verification_steps(left), *measured)
-            sheet = [_parameters_left(left), steps]
+            steps = [*_verification_steps(left)]
+            done = None if steps else "Nothing more to do: keep this report with the machine."
+            sheet = [_parameters_left(left), doc.next_steps(steps, done, *measured)]
         elif released:
             notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
         else:
@@ -297,8 +298,9 @@ def verification_document(result: Verification, identity: Identity) -> doc.Docum
         # Their title says what the notice above does.
         figure = _left_figure(result)
         differences = [*figure.plain[1:]] if figure else []
-        steps = _verification_steps(result, brief=True)
-        last = doc.next_steps(steps, "More: the same with --details")
+        steps = [*_verification_steps(result, brief=True)]
+        done = None if steps else "Nothing more to do."
+        last = doc.next_steps(steps, done, "More: the same with --details")
 
         def made() -> doc.Page:
             sections = doc.Section(None, *differences), doc.Section(None, parameters), last
@@ -429,8 +431,6 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
             limit = result.decision and result.decision.limit_mm
             write = command("report", before, machine=machine_file, after=after, limit=limit)
             yield doc.step("Write the report, and keep it with the machine", write)
-        elif outcome is not Outcome.UNDECIDED:
-            yield f"Nothing more to do{': keep this report with the machine' * (not brief)}."
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
