@@ -11,7 +11,6 @@ import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
-from itertools import chain
 from typing import Any
 
 import yaml
@@ -55,8 +54,7 @@ _SENTENCES: Mapping[str, str] = {
     **_TEXTS["sentences"],
     **{code: " ".join(texts.values()) for code, texts in _DOUBTS.items()},
 }
-# Words of a cause.
-_OF_CAUSES = ("title", "check", "advice", "no_setting")
+_OF_CAUSES = {"title", "check", "advice", "no_setting"}
 # After so many time constants what settles has come to rest: 2 % are left.
 RESTING = 4.0
 
@@ -71,10 +69,9 @@ def _cause(id: str, kind: str) -> Mapping[str, str]:
     _, above, below = (files("orthoglide_cal") / path).read_text("utf-8").split("---\n", 2)
     title, texts = below.strip().partition("\n")[0].partition(": ")[2], yaml.safe_load(above)
     of_kinds = {name: texts.pop(name, {}) for name in MACHINES}
-    for name in chain(texts, *of_kinds.values()):
-        if name not in _OF_CAUSES:
-            known = ", ".join((*_OF_CAUSES, *MACHINES))
-            raise InputError("The key is not known.", f"Known: {known}.", file=path, column=name)
+    for name in {*texts}.union(*of_kinds.values()) - _OF_CAUSES:
+        known = ", ".join(sorted({*_OF_CAUSES, *MACHINES}))
+        raise InputError("The key is not known.", f"Known: {known}.", file=path, column=name)
     return {"title": title, **_TEXTS["causes"], **texts, **of_kinds[kind]}
 
 

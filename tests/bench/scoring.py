@@ -151,13 +151,6 @@ class Rate(NamedTuple):
         """Chance that a sound method fails with so few sessions: below 1e-3."""
         return chance_below(self.least, self.total, REQUIRED[self.kind][1])
 
-    @property
-    def chance_if_met(self) -> float:
-        """Chance of so few right answers if the true rate were exactly the demanded one."""
-        if self.required is None:
-            return 1.0
-        return float(binom.cdf(self.right, self.total, self.required))
-
 
 def rates(judged: Sequence[Judged]) -> list[Rate]:
     total, right = Counter(j.kind for j in judged), Counter(j.kind for j in judged if j.right)

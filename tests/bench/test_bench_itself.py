@@ -112,7 +112,6 @@ def test_binomial_chances_are_those_of_their_words() -> None:
     # Below 40 % of 10 means at most 3; of 100 a sound method misses 5, and seldom 6.
     few = sum(comb(10, k) * 0.4**k * 0.6 ** (10 - k) for k in range(4))
     assert chance_below(0.4, 10, 0.4) == pytest.approx(few)
-    assert Rate("outside", 3, 4).chance_if_met == pytest.approx(1.0 - 0.9**4)
     few = 1.0 - sum(comb(100, k) * 0.01**k * 0.99 ** (100 - k) for k in range(6))
     assert Rate("distinct", 96, 100).false_failure == pytest.approx(few)
     low, high = band(400, 0.93, 0.97)
