@@ -350,18 +350,12 @@ def _separated(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> dict[str
 
     pair = min(pairs, key=last)
     one, other = (ids[k] for k in pair)
-    lacking = (
-        tuple(id for id in one if id not in other),
-        tuple(id for id in other if id not in one),
-    )
-    between = lacking if all(lacking) else (one, other)
+    lacking = [tuple(id for id in a if id not in b) for a, b in ((one, other), (other, one))]
+    between = tuple(lacking) if all(lacking) else (one, other)
     # Of each the first cause that the other lacks, or has as well.
     separates = (min(x, key=y.__contains__, default="") for x, y in (between, between[::-1]))
-    return {
-        "between": between,
-        "separates": tuple(separates),
-        "separation_sigma": float(sigma[pair]),
-    }
+    size = float(sigma[pair])
+    return {"between": between, "separates": tuple(separates), "separation_sigma": size}
 
 
 def predictions(

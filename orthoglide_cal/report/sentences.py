@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
+from itertools import chain
 from typing import Any
 
 import yaml
@@ -117,13 +118,10 @@ def pattern_name(pattern: FoundPattern) -> str:
     return _PATTERNS[pattern.how]["noun"].removeprefix("a ")
 
 
-def label_words(label: str) -> str:
-    """Patterns and causes of a label: of "steps leg x, misread" a step at leg x with misread."""
-    parts = (part.partition(" ") for part in label.split(", "))
-    return together([
-        f"{_PATTERNS[how]['noun']}{f' at {where}' * bool(where)}" if how in _PATTERNS else how
-        for how, _, where in parts
-    ])  # fmt: skip
+def label_words(part: str) -> str:
+    """A pattern, or cause, of a label of explanations: of "steps leg x" a step at leg x."""
+    how, _, where = part.partition(" ")
+    return f"{_PATTERNS[how]['noun']}{f' at {where}' * bool(where)}" if how in _PATTERNS else part
 
 
 def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
@@ -158,7 +156,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
     "lines": lambda numbers: f"Line{'s' * (len(numbers) > 1)} {listed(numbers)}",
-    "with": lambda ids: together([label_words(id) for id in ids]),
+    "with": lambda ids: together([*map(label_words, chain(*(id.split(", ") for id in ids)))]),
     "too": lambda titles: "".join(f" and {title}" for title in titles),
     "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
     # A cause, or those that look the same.
