@@ -49,7 +49,6 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
-_ACTIVE = "offsets_mm"
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
@@ -363,30 +362,32 @@ def with_history(
     """The file with other active values and corrections (None: the same), and one entry of the
     history more or less, not written; the digest is still that of the file.
 
-    Every other byte stays, and a number moves as it is written: to take an entry back leaves what
-    was there before it. Raises InputError: it could not be read again, or not be taken back.
+    Every other byte stays: to take an entry back leaves what was there before it. Raises
+    InputError: it could not be read again, or not be taken back.
     """
     model, document, past = file.model, file.document, file.model.machine.history
     model = model if active is None else model.holding([*active.values()])
     model = model if corrected is None else model.correcting(corrected)
+    before, text = machine_values(file.model), document.data.decode()
+    enters, last = len(history) > len(past), max(past, history, key=len)[-1]
+    if enters:
+        held = [(path, old) for path, old, _ in _differences(before, machine_values(model))]
+        raw = {path: (_raw(text, path), _written(old or 0.0).strip()) for path, old in held}
+        raw[("history",)] = _raw(text, ("history",)), ""
+        other = {dotted(path): given for path, (given, plain) in raw.items() if given != plain}
+        last = last.changed(texts={path: given for path, given in other.items() if given} or None)
+        history = (*past, last)
     model = replace(model, machine=model.machine.changed(history=history))
-    values, before = machine_values(model), machine_values(file.model)
-    content, text = load_tree(document), document.data.decode()
-    others = (key for key in values if values[key] != before.get(key))
-    new = {key: values[key] for key in others if key not in content.value}
+    values, known = machine_values(model), load_tree(document).value
+    new = {key: to for key, to in values.items() if to != before.get(key) and key not in known}
     changes: dict[Steps, object] = {(key,): value for key, value in new.items()}
-    for path, to in _differences(before, values):
+    for path, _, to in _differences(before, values):
         if path[0] not in new:  # a key of the file's own becomes empty, and stays
             changes[path] = to if path[1:] else to or {}
-    enters, both = len(history) > len(past), max(past, history, key=len)
-    remark = f"  # added by `orthocal apply`, {both[-1].date}"
-    for name, value in (both[-1].before or {}).items():
-        places: list[Steps] = [(_ACTIVE, name), ("history", len(both) - 1, "before", name)]
-        source, to = places if enters else places[::-1]
-        written = content.at(source)
-        if (enters or to in changes) and written and yaml_number(written) == value:
-            changes[to] = Verbatim(written)
+    remark = f"  # added by `orthocal apply`, {last.date}"
     if not enters:
+        texts, paths = last.texts or {}, (*changes, ("history",))
+        changes |= {path: Verbatim(texts[dotted(path)]) for path in paths if dotted(path) in texts}
         added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
         changes |= {(key,): None for key in added}
     then = None
@@ -394,25 +395,27 @@ def with_history(
         then = _stored(edited(text, changes, remark), document.path)
     exact = then is not None and machine_values(then.model) == values
     if then and exact and enters:
-        back = with_history(then, both[-1].before, both[-1].corrected_before, *past)
+        back = with_history(then, last.before, last.corrected_before, *past)
         # A measurement may say that other values were active before than those in the file.
         exact = document.data == back.document.data or machine_values(back.model) != before
     if then is None or not exact:  # a rare form of YAML, or of none that could be read again
         _stored(machine_text(model), document.path)
         fault = "`orthocal apply --undo` could not restore this file exactly."
-        remedy = "Write keys on lines of their own, numbers without quotes, and `history: []`."
+        remedy = "Write each key with its value on a line of its own, such as `history: []`."
         raise InputError(fault, remedy, file=document.path)
     return replace(then, document=replace(then.document, sha256=document.sha256))
 
 
-def _differences(old: object, new: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
-    """Where two trees of plain values differ, and what the new one has there; None for nothing."""
+def _differences(
+    old: object, new: object, path: Steps = ()
+) -> Iterator[tuple[Steps, object, object]]:
+    """Where two trees of plain values differ, and what both have there; None for nothing."""
     before, after = (dict(enumerate(v)) if isinstance(v, list) else v for v in (old, new))
     if isinstance(before, dict) and isinstance(after, dict):
         for step in {**before, **after}:
             yield from _differences(before.get(step), after.get(step), (*path, step))
     elif old != new:
-        yield path, new
+        yield path, old, new
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
@@ -489,6 +492,8 @@ def _changed(text: str, path: Steps, value: object, remark: str) -> str:
 
 def _replaced(text: str, key: yaml.Node, node: yaml.Node, value: object) -> str:
     """With another value behind a key, or on the lines below it, whatever its form was."""
+    if key is node:  # an item of a list
+        return text[: node.start_mark.index] + _written(value).strip() + text[_end(node) :]
     new = _written(value).replace("\n", "\n" + " " * key.start_mark.column)
     colon, start, end = text.index(":", key.end_mark.index) + 1, node.start_mark.index, _end(node)
     behind = text[end : _line_end(text, end)]  # a remark
@@ -498,6 +503,15 @@ def _replaced(text: str, key: yaml.Node, node: yaml.Node, value: object) -> str:
     if new.startswith("\n"):
         return text[:colon] + behind + new + rest
     return text[:colon] + (text[colon:start] or " ") + new.removeprefix(" ") + behind + rest
+
+
+def _raw(text: str, path: Steps) -> str:
+    """A scalar as it stands in a text, with its quotes; "" where there is none."""
+    node = yaml.compose(text, Loader=yaml.SafeLoader)
+    for step in path:
+        _, node = _entries(node).get(step, (None, None))
+    scalar = isinstance(node, yaml.ScalarNode)
+    return text[node.start_mark.index : node.end_mark.index] if node and scalar else ""
 
 
 def _entries(node: yaml.Node | None) -> dict[str | int, tuple[yaml.Node, yaml.Node]]:

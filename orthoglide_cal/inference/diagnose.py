@@ -356,13 +356,13 @@ class Diagnosis(Decision):
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
         """Those not dismissed, best first; those that are left open with their parameters."""
-        fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in self.left_open}
+        fits = {fit.hypothesis.ids: fit for _, fit in self.left_open if not fit.patterns}
         least = DISMISSED * max(self.probability.values())
         # What is open is compared with the parameters alone, however improbable.
         sound = WORTH_SAYING * (self.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
         explanations = []
         for key, probability in self.probability.items():
-            fit = fits.get(key)
+            fit = fits.get(key) if isinstance(key, tuple) else None
             if fit is None and probability < (least if key else sound):
                 continue
             ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)

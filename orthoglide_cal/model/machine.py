@@ -124,6 +124,8 @@ class Entered(Schema):
     corrected: Corrections | None = None
     data_sha256: Digest  # of the measurement that they came from
     written: Written | None = None  # to the controller; None if it was typed in by hand
+    # Path in the machine file → what stood there, where that is not as the program writes it.
+    texts: Mapping[str, str] | None = None
 
     @property
     def active(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -13,6 +13,7 @@ from operator import ne
 import numpy as np
 from scipy.special import ndtr
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture, whiten
@@ -282,6 +283,8 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     losses = [SITTING + o.minutes + (1.0 - chance) * STILL_OPEN for o, chance in asked]
     open_pairs = others & (apart.max(axis=0) >= TRACE_SIGMA) & (min(losses) < STILL_OPEN)
     decides = bool(open_pairs.any())
+    # U is that of a listed explanation.
+    listed = np.where([one.patterns != () for one in hypotheses], 0.0, shares)
     total = sum(share for share, _ in diagnosis.left_open)
     within = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
     between = np.diag(diagnosis.covariance_mm2 - within)
@@ -293,7 +296,8 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         then = predicted[number].part(judged, slice(None))
         split = np.split(np.arange(then.means.shape[1]), [readings.stop])
         spreads = then.given(then.means[0, readings], *split).covariance
-        variance = shares @ np.diagonal(spreads, axis1=1, axis2=2) + (1.0 - chance) * between
+        variance = listed @ np.diagonal(spreads, axis1=1, axis2=2) / listed.sum()
+        variance += (1.0 - chance) * between
         whole = option.plan if first is None else Plan.joined(first, option.plan)
         variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
         expanded = NORMAL_K * np.sqrt(variance)
@@ -337,16 +341,16 @@ def _separated(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> dict[str
     """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
 
     As fields of a measurement; none without such a pair. Explanations come in the order of their
-    probability, the accepted one first. A rival that holds only some of the causes comes last: a
-    diagnosis does not state it.
+    probability, the accepted one first; those with patterns come after those without. A rival that
+    holds only some of the causes comes last: a diagnosis does not state it.
     """
     pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(open_pairs, 1)).tolist()]
     if not pairs:
         return {}
 
-    def last(pair: tuple[int, int]) -> tuple[bool, bool]:
+    def last(pair: tuple[int, int]) -> tuple[bool, bool, bool]:
         one, other = (set(ids[k]) for k in pair)
-        return bool(sigma[pair] < TRACE_SIGMA), other < one
+        return bool(sigma[pair] < TRACE_SIGMA), not one | other <= CAUSES.keys(), other < one
 
     pair = min(pairs, key=last)
     one, other = (ids[k] for k in pair)

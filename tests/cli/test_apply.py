@@ -126,10 +126,12 @@ def test_undo_takes_the_last_entry_back() -> None:
         ("\\A", "\ufeff"),
         ("\\Z", "history: []\n"),
         ("\\Z", "history: []  # none yet"),
+        ("\\Z", "history: ~\n"),
         ("\\Z", "complete: true"),
         ("\\A", "history: []\n# The machine:\n"),
         ("offsets_mm: .*", "offsets_mm: {x: 0, y: +0.000, z: 0.} # now"),
         ("offsets_mm: .*", "offsets_mm:\n  x: 0 # of x\n  y: 0e0\n\n  z:   -0.0\n"),
+        ("offsets_mm: .*", "offsets_mm: {x: '0', y: \"0.00\", z: 0}"),
         ("offsets_mm: .*\n", ""),
     ],
 )
