@@ -18,7 +18,7 @@ from pydantic import InstanceOf, PlainSerializer
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.files.printer_file import PrinterFile
+from orthoglide_cal.files.printer_file import ARMS, PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
@@ -514,8 +514,9 @@ def _printer(file: PrinterFile, known: Model | None, stored: str | None) -> Inpu
         widest = float(np.hypot(*readings.plan.spots.T[:2]).max())
         file = file.on_bed(widest or file.machine.delta_radius_mm)
     model = known or Model(file.machine)
-    machine, remarks = file.known_as(_delta(model, file.source.path))
-    model = replace(model, machine=machine)
+    sure = ARMS in {effect.cause.id for effect in model.accepted}
+    machine, remarks = file.known_as(_delta(model, file.source.path), sure)
+    model = model.judging(Model(machine))  # arms that were accepted may have been entered since
 
     def read(name: str, *unused: Reason) -> Input:
         readings = file.readings(name, machine)
