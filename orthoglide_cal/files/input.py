@@ -15,7 +15,7 @@ from typing import Annotated, Literal, NamedTuple, cast
 import numpy as np
 from pydantic import InstanceOf, PlainSerializer
 
-from orthoglide_cal.errors import InputError, UnusableResultError, UsageError
+from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, visible
 from orthoglide_cal.files import gcode, klipper, machine_file
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.printer_file import ARMS, PrinterFile
@@ -407,11 +407,12 @@ def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | No
     free = []
     for path in _machines_in(folder):
         with suppress(InputError):  # of a faulty one nobody knows
-            machine = machine_file.read_machine_file(path).model.machine
+            file = machine_file.read_machine_file(path)
+            machine, made_for = file.model.machine, machine_file.made_for(file)
             targets = {entry.written.target for entry in machine.history if entry.written}
-            if controller.target in targets:
+            if controller.target in targets or made_for == visible(controller.target):
                 return path
-            if not targets and controller.format in machine.controller_formats:
+            if not (targets or made_for) and controller.format in machine.controller_formats:
                 free.append(path)
     return free[0] if len(free) == 1 else None
 
