@@ -253,7 +253,9 @@ def test_an_interrupted_adjustment_ends_like_any_other(folder: Path) -> None:
     error = refused(3, "history", "before.csv", "after.csv", "--machine", "other")
     assert "journal of another adjustment" in error
     (folder / "before.axis_squareness.adjust").unlink()
-    assert piped(folder, ANSWERS[:5]) == (130, "")
+    left = run_program(folder, "before.csv", stdin="y\n0.31\n", command="adjust")
+    assert "Tighten what is loose" in left.stdout
+    assert piped(folder, ("y", *ANSWERS[2:5]), "--resume") == (130, "")
     error = refused(4, "apply", "before.csv", "--yes")
     finish = "orthocal adjust before.csv --cause axis_squareness --resume"
     assert f"Or finish it, then measure again: {finish}" in error
