@@ -161,15 +161,6 @@ def test_what_was_changed_since_is_not_restored(
         replace_file(before.target, before.sha256, data)
 
 
-def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
-    before = of(tmp_path, INI)
-    Path(before.target).chmod(0o444)
-    with pytest.raises(InputError, match="read-only"):
-        replace_file(before.target, before.sha256, b"nothing")
-    (left,) = tmp_path.iterdir()
-    assert left.read_text(encoding="utf-8") == INI
-
-
 @pytest.mark.parametrize(
     ("offset", "by", "same"),
     [
