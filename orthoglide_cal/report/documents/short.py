@@ -17,7 +17,7 @@ from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results.application import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
-from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures
+from orthoglide_cal.words import counted, decimals_for, plain, signed, with_uncertainty
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
@@ -133,7 +133,7 @@ def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
     }
     rows = []
     for one in corrections:
-        size = f"{signed(one.value, 3)} ± {two_figures(one.expanded)} {one.unit}"
+        size = f"{with_uncertainty(one.value, one.expanded)} {one.unit}"
         gain = "" if one.gain_mm is None or one.left else plain(one.gain_mm, 3)
         # Without a place its sizes are of no use here.
         cause = (one.id, "") if one.left == "no_place" else (f"{one.id} {one.name}", size)
