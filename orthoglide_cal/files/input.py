@@ -403,7 +403,7 @@ def machine_in_folder(folder: Path) -> Path | None:
 
 
 def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | None:
-    """The machine file from which this controller was written, else one from which none was."""
+    """The machine file from which this controller was written, or that is of no controller yet."""
     free = []
     for path in _machines_in(folder):
         with suppress(InputError):  # of a faulty one nobody knows

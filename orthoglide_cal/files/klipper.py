@@ -246,8 +246,7 @@ def read_printer_file(
     data = {name: readings for name, readings in both.items() if readings is not None}
     known = sorted(settings.options[_CALIBRATION].items())
     steps = " ".join(text for option, (_, text) in known if _STORED.match(option))
-    remarks = tuple(settings.remarks)
-    return PrinterFile(machine, probe, document.source, data, remarks, steps=steps)
+    return PrinterFile(machine, probe, document.source, data, tuple(settings.remarks), steps=steps)
 
 
 def settings_beside(document: FileText) -> PrinterFile | None:

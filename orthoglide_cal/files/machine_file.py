@@ -253,8 +253,7 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
     for id, values in corrected.items() if isinstance(corrected, dict) else ():
         place = (*path, "corrected", id)
         if id not in by_joint:
-            fault = "No controller corrects this."
-            tree.note(place, fault, f"Known: {', '.join(by_joint)}.", id)
+            tree.note(place, "No controller corrects this.", f"Known: {', '.join(by_joint)}.", id)
             continue
         names = by_joint[id].values()
         for name in values if isinstance(values, dict) else ():

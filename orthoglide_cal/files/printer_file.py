@@ -41,8 +41,7 @@ def stored_mesh(
     Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
     """
     line, x, y, height = touches.T
-    place = np.column_stack((x, y, height + trigger))
-    plan = touching(place, np.full(len(line), trigger), order)
+    plan = touching(np.column_stack((x, y, height + trigger)), np.full(len(line), trigger), order)
     return Readings(plan, height, line.astype(int), False, source)
 
 
