@@ -454,7 +454,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
     problem = remedy = ""
     if _OTHERS.search(kins):
         problem = "This LinuxCNC drives a machine of another kind."
-        remedy = "Name the INI of this machine."
+        remedy = "Name the INI of this machine. For a delta: orthocal export --format linuxcnc"
     elif any(letters.count(axis) != 1 for axis in AXES):
         problem = "These coordinates do not give each of X, Y and Z one joint."
         remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"

@@ -433,8 +433,7 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     start, points = options[section]["points"]
     texts = enumerate(points.split("\n"), start)
     rows = {line: text.split(",") for line, text in texts if text.strip()}
-    place = f"points of [{section}]"
-    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=place)
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=f"points of [{section}]")
     if settings.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), stored, stated)

@@ -868,8 +868,7 @@ def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure |
 
 def moves_rails(id: str) -> bool:
     """True if the parameters of a cause are gaps between rails."""
-    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
-    return any(screw and screw.along for screw in screws)
+    return any(screw and screw.along for screw in map(CAUSES[id].adjustment, CAUSES[id].names))
 
 
 def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
