@@ -635,6 +635,9 @@ def _named(
         if cause.by_joint and machine.adds_to_joints:
             let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=finding.id)
             remedies.append(let)
+        elif cause.with_travel or finding.id in machine.fixed_parameters:
+            let = Remedy.of("klipper_corrects", "apply", "--to printer.cfg", id=finding.id)
+            remedies.append(let)
         beyond = any(abs(size.value) > size.expanded for size in finding.parameters)
         if cause.adjustable and beyond:
             remedies.append(Remedy.of("adjust", "adjust", f"--cause {finding.id}"))
