@@ -594,8 +594,7 @@ def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy
         return Remedy.of("decides", "measure", session, best=following)
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
-    doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
-    ids = (*doubted, *diagnosis.ambiguous_with)
+    ids = (*[cause.id for cause in diagnosis.causes if cause.aliases], *diagnosis.ambiguous_with)
     in_machine = any(CAUSES[id].in_machine for id in ids)
     return Remedy.of("none_decides") if in_machine else Remedy.of("leave_out", ids=ids)
 

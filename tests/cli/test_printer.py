@@ -273,15 +273,6 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
         assert not foreign.findall(said), said
 
 
-def test_what_is_not_recommended_is_not_accepted() -> None:
-    """Lost motion: a printer's firmware has no setting for it, and belts are tightened."""
-    back = run("diagnose", "lost.csv", *MACHINE, "--accept", "backlash", "--details")
-    assert back.exit_code == 4
-    assert "is not recommended" in back.stdout
-    assert "Making backlash part of the machine's model is not recommended" in back.stderr
-    assert not Path("v400-backlash.yaml").exists()
-
-
 # --- little, nothing, or nothing to change ----------------------------------------------------
 
 
