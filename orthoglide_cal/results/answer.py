@@ -12,7 +12,7 @@ from typing import Literal, Self
 from pydantic import AwareDatetime, Field, computed_field
 
 from orthoglide_cal import __version__
-from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Contribution
 from orthoglide_cal.estimation.solution import PromisedDifference
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
@@ -264,7 +264,6 @@ class Answer(Schema):
     deviations: tuple[PromisedDifference, ...] = ()
     deviations_rms: Residue | None = Field(None, description="as measured, and after entering")
     budget: tuple[Contribution, ...] = ()
-    total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
     converged: bool = False
     residuals: tuple[Residual, ...] = ()

@@ -24,7 +24,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
-from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, warmth
 from orthoglide_cal.estimation.solution import (
     SUSPICIOUS,
     OffsetEstimate,
@@ -169,7 +169,6 @@ def answer_to(
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack = diagnosis.lack_of_fit
-    lines, total = budget_lines(budget)
     workspace, std = None, budget.std_mm
     if details:
         with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
@@ -203,8 +202,7 @@ def answer_to(
         ),
         deviations=rows,
         deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
-        budget=lines,
-        total=total,
+        budget=budget.contributions,
         converged=solution.converged,
         residuals=()
         if shown_alone and not details

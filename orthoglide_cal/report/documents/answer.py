@@ -11,7 +11,7 @@ from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
 from orthoglide_cal.model.machine import Machine
@@ -59,6 +59,8 @@ _MOST_DIFFERENCES, _LARGEST_DIFFERENCES = 6, 3  # of more the largest are shown
 _MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
 _MOST_OPEN = 4  # explanations
 _MOST_LIKELY = 3  # of them in the title
+# A source that adds less than this share of every standard deviation has no line of its own.
+_MINOR = 0.1
 # Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
 # Lines of a solution: `measure` says before them where it has written, and after them what a
@@ -204,8 +206,8 @@ def evidence(case: Case) -> Iterator[doc.Section]:
         *map(doc.small, (*_notes(case), *_assumptions(case))),
     )
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
-    if answer.total is not None:
-        yield budget_section(case.machine, answer.budget, answer.total)
+    if answer.budget:
+        yield budget_section(case.machine, Budget(answer.budget))
 
 
 # --- the decision -----------------------------------------------------------------------------
@@ -513,23 +515,20 @@ def _largest_words(case: Case) -> str:
     return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
-def budget_section(
-    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal
-) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter."""
-    unit = machine.common_unit
+def budget_section(machine: Machine, budget: Budget) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter; negligible ones in one line."""
+    unit, u, sources = machine.common_unit, budget.std_mm, budget.contributions
+    lines = [line for line in sources if any(line.std > _MINOR * u)]
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
-        if not line.minor:
-            name = source_words(line.source, machine, line.possible)[0]
-            rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
-    if any(total.minor):
-        others = counted(sum(line.minor for line in lines), "other")
-        rows.append((others, "", "", *map(two_figures, total.minor)))
-    rows.append(("together, u", "", "", *map(two_figures, total.std)))
-    u = f"U = k·u, {coverage_words(total.k)}"
-    rows.append((u, "", "", *map(two_figures, total.expanded)))
-    largest = Budget(tuple(lines)).largest
+        name = source_words(line.source, machine, line.possible)[0]
+        rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
+    if len(lines) < len(sources):
+        rows.append(("others, negligible", *[""] * (2 + len(u))))
+    rows.append(("together, u", "", "", *map(two_figures, u)))
+    expanded = f"U = k·u, {coverage_words(budget.k)}"
+    rows.append((expanded, "", "", *map(two_figures, budget.expanded_mm)))
+    largest = budget.largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name} ({its})" for name, its in named]
