@@ -516,7 +516,7 @@ def _largest_words(case: Case) -> str:
 
 
 def budget_section(machine: Machine, budget: Budget) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter; negligible ones in one line."""
+    """Each source with its size, and what it adds to each parameter; negligible ones as one."""
     unit, u, sources = machine.common_unit, budget.std_mm, budget.contributions
     lines = [line for line in sources if any(line.std > _MINOR * u)]
     rows: list[tuple[str, ...]] = []
