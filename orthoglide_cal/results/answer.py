@@ -156,15 +156,6 @@ class Noise(Schema):
     dof: int = Field(description="degrees of freedom of the residuals")
 
 
-class Shim(Schema):
-    """One rail to move, so that it meets the next."""
-
-    rail: str
-    along: str = Field(description="axis, with the sign of the motion: +z")
-    mm: float
-    expanded_mm: float
-
-
 class Residual(Schema):
     """One reading (or difference): measured and modelled."""
 
@@ -269,7 +260,6 @@ class Answer(Schema):
     residuals: tuple[Residual, ...] = ()
     causes: tuple[FoundCause, ...] = Field((), description="best first")
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
-    shims: tuple[Shim, ...] = Field((), description="that close the gaps of axis_gap")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
     rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")

@@ -41,7 +41,6 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
-    FoundCause,
     NextMeasurement,
     Parameter,
     Verdict,
@@ -220,7 +219,6 @@ def answer_to(
             one.changed(rms_mm=solution.rms_after_mm, parameters=offsets_only) if one.sound else one
             for one in diagnosis.explanations
         ),
-        shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
         inputs=tuple(map(schema.InputFile.of, dates)),
@@ -455,14 +453,6 @@ def _check(
         # The promise is of as many readings as were taken before; the check is of two.
         expanded_mm=math.hypot(row.expanded_mm, k * math.sqrt(2.0) * sigma),
     )
-
-
-def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
-    for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
-        if (screw := CAUSES[id].adjustment(gap.name)) and screw.along:
-            size = {"mm": abs(gap.value), "expanded_mm": gap.expanded}
-            along = f"{'-' if gap.value < 0.0 else '+'}{screw.along}"
-            yield schema.Shim(rail=AXES[screw.leg], along=along, **size)
 
 
 # --- may the parameters be entered? one rule for every command that says so -------------------

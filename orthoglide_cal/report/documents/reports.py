@@ -157,8 +157,8 @@ def _causes(case: Case) -> list[doc.Section]:
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
-        if figures.moves_rails(cause.id) and answer.shims:
-            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+        if moves := figures.shims(cause.id, cause.parameters):
+            rows = [(rail, f"{plain(mm, 2)} mm", along) for rail, mm, along in moves]
             above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
             blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
         if (remedy := case.says(cause.remedy)).rstrip(".") not in advised:
