@@ -699,7 +699,8 @@ def diagnose(
             remarks.append(Reason.of("recalibrated", changed=changed))
         elif (shift := later.moved_origin(diagnosis.carried)) is not None:
             later = replace(later, free=len(shift))
-            moves = dict(zip(machine.parameter_names, shift.tolist(), strict=False))
+            names, units = machine.parameter_names, machine.parameter_units
+            moves = [*zip(names, shift.tolist(), units, strict=False)]
             remarks.append(Reason.of("origin_moved", moves=moves))
     again = repeats(white, later)
     if again is not None and again > REPEATS:

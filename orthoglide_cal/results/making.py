@@ -344,7 +344,7 @@ def _with_others(
     for other in others:
         pairs = zip(parameters, other.parameters, strict=False)
         apart = [
-            (one.name, abs(one.found - its.found), one.unit)
+            (one.name, its.found - one.found, one.unit)
             for one, its in pairs
             if one.found is not None and its.found is not None
             if abs(one.found - its.found) > math.hypot(one.expanded, its.expanded)

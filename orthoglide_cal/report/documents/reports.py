@@ -343,7 +343,8 @@ def _verification_notice(result: Verification) -> doc.Notice:
     done = []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
-        done.append(says(Reason.of(code, id=id, by=by, unit=CAUSES[id].unit)))
+        moves = [(name, size, CAUSES[id].unit) for name, size in by.items()]
+        done.append(says(Reason.of(code, id=id, by=moves)))
     if done:
         lines.append(" ".join(done))
     if result.response and result.answer:
