@@ -337,9 +337,6 @@ def _verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    if result.rms_reachable_mm is not None:
-        size = _size(result, result.rms_reachable_mm)
-        lines.append(f"With the parameters found afterwards it would be {size}.")
     done = []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
@@ -496,13 +493,9 @@ def _parameters_left(result: Verification) -> doc.Section:
     }
     caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
     caption += " the second."
-    note = "What was found was entered."
+    note = None
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
-    elif not any(entered):
-        note = "Nothing was entered."
-    elif other := result.entered_otherwise:
-        note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 
