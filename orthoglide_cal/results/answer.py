@@ -282,11 +282,10 @@ class Answer(Schema):
     sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
         None, description="with all plausible sizes changed"
     )
-    warnings: tuple[Sentence, ...] = Field((), description="about the data")
     others: tuple["Answer", ...] = Field(
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )
-    notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
+    notes: tuple[Sentence, ...] = Field((), description="cautions, on the data, of the diagnosis")
 
     @property
     def beyond(self) -> tuple[FoundPattern, ...]:

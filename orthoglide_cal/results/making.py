@@ -211,7 +211,6 @@ def answer_to(
         ruled_out=model.ruled_out,
         workspace=workspace,
         holdout=holdout,
-        warnings=solution.warnings,
         notes=(*decision.cautions, *diagnosis.notes),
         others=others,
         # The parameters alone are those of the solution.

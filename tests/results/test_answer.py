@@ -199,7 +199,7 @@ def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
     assert found.release.usable == found.release.sound == usable
     if not usable:
         (reason,) = sentences(found.release.reasons)
-        assert f"y {signed(offset, 1)} mm" in reason
+        assert f"y {signed(found.parameters[1].found, 3)} mm" in reason
         assert f"up to {model.machine.plausible[0]:g} mm" in reason
         assert "homing_mm" in sentences([found.release.remedies[0].sentence])[0]
 

@@ -15,7 +15,7 @@ from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
+from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, notes_on, weighing
 from orthoglide_cal.model.model import Estimate, Stage
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
@@ -110,7 +110,9 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     enter = release.usable and release.needed
     parameters: list[doc.Block | None] = [_parameters_grid(case, brief=True), *_open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
-    notes = [f"Note: {case.says(warning)}" for warning in _warnings(case)]
+    known = (*release.reasons, *release.cautions)
+    on_data = (note for note in notes_on(case.given.measured) if note not in known)
+    notes = [f"Note: {case.says(note)}" for note in on_data]
     numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
     words = []
     if answer.deviations and not release.settled:
@@ -319,7 +321,7 @@ def _shares(answer: Answer) -> str:
 
 def steps_section(case: Case, steps: Iterable[doc.Line]) -> doc.Section:
     """The next steps, and what they do to the height of a nozzle."""
-    moved = (warning for warning in case.answer.warnings if warning.code in NOZZLE)
+    moved = (note for note in case.answer.notes if note.code in NOZZLE)
     return doc.next_steps(steps, *map(case.says, moved))
 
 
@@ -516,15 +518,13 @@ def _largest_words(case: Case) -> str:
 
 
 def budget_section(machine: Machine, budget: Budget) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter; negligible ones as one."""
+    """Each source with its size, and what it adds to each parameter, unless it is negligible."""
     unit, u, sources = machine.common_unit, budget.std_mm, budget.contributions
     lines = [line for line in sources if any(line.std > _MINOR * u)]
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
         name = source_words(line.source, machine, line.possible)[0]
         rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
-    if len(lines) < len(sources):
-        rows.append(("others, negligible", *[""] * (2 + len(u))))
     rows.append(("together, u", "", "", *map(two_figures, u)))
     expanded = f"U = k·u, {coverage_words(budget.k)}"
     rows.append((expanded, "", "", *map(two_figures, budget.expanded_mm)))
@@ -534,6 +534,7 @@ def budget_section(machine: Machine, budget: Budget) -> doc.Section:
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
+    text += " Negligible sources are not listed." * (len(lines) < len(sources))
     return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
@@ -684,17 +685,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     notes = [note for note in answer.notes if note not in answer.release.cautions]
     if brief:
         notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
-    else:
-        notes += (warning for warning in _warnings(case) if warning.code not in NOZZLE)
     yield from dict.fromkeys(map(case.says, notes))
-
-
-def _warnings(case: Case) -> list[Reason]:
-    """Remarks about the data that do not stand in the decision."""
-    release = case.answer.release
-    doubts = (reason.data.get("doubt") for reason in release.reasons)
-    known = (*release.reasons, *release.cautions, *doubts)
-    return [warning for warning in case.answer.warnings if warning not in known]
 
 
 def _assumptions(case: Case) -> Iterator[str]:
