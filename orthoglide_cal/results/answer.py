@@ -26,6 +26,7 @@ from orthoglide_cal.inference.result import (
     FoundPattern,
     LackOfFit,
     NextMeasurement,
+    Noise,
     Otherwise,
     Parameter,
     TimesStated,
@@ -143,17 +144,6 @@ class Residue(Schema):
 
     before_mm: float
     after_mm: float
-
-
-class Noise(Schema):
-    """Standard deviation of one reading, by source."""
-
-    used_mm: float = Field(description="what U rests on")
-    repeats_mm: float | None = Field(description="from repeated readings")
-    residuals_mm: float | None = Field(description="from the residuals")
-    stated_mm: float = Field(description="as the machine file states it")
-    floor_mm: float = Field(description="resolution / √12")
-    dof: int = Field(description="degrees of freedom of the residuals")
 
 
 class Residual(Schema):

@@ -191,14 +191,7 @@ def answer_to(
         if named and not shown_alone
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
-        noise=schema.Noise(
-            used_mm=chosen.noise.sigma_mm,
-            repeats_mm=lack.repeats_mm,
-            residuals_mm=lack.residual_mm if lack.dof else None,
-            stated_mm=machine.instrument.noise_mm,
-            floor_mm=machine.instrument.rounding_mm,
-            dof=solution.dof,
-        ),
+        noise=lack.noise.changed(used_mm=chosen.noise.sigma_mm, dof=solution.dof),
         deviations=rows,
         deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
         budget=budget.contributions,
