@@ -339,11 +339,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
             words, colon, typed = str(error).partition(": orthocal ")
             yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
-    if release.settled:
-        yield from (doc.step(text, case.typed(verb)) for text, verb in case.machine.settled_steps)
-    elif release.usable:
+    if release.usable and release.needed:
         yield from _entering(case, brief)
-    else:
+    elif not release.usable:
         yield from case.remedies(*[RETAKE] * (brief and causes))
     if brief and causes:
         decided = verdict is Verdict.NAMED
@@ -354,9 +352,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
 def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
     yield from case.remedies()
-    if case.answer.release.settled:
-        yield from to_do(case)
-    elif case.answer.release.usable:
+    if case.answer.release.usable and case.answer.release.needed:
         yield doc.step("See what to enter", case.typed("solve"))
 
 
