@@ -585,8 +585,7 @@ def differences_figure(
             ),
         ]
     seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
-    title = "Differences, before and after"
-    picture = svg(_WIDE, bottom + 30.0, title, seen, parts)
+    picture = svg(_WIDE, bottom + 30.0, "Differences, before and after", seen, parts)
     kind, meaning = comparison_words(single)
     key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
     key += f", with U (95 %). {meaning}"

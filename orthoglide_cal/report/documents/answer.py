@@ -384,8 +384,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
 def parameters_section(case: Case, *more: doc.Block | None) -> doc.Section:
     """The table under what it is of, in which unit, and how it is meant; with more below it."""
     words, named = case.words, case.answer.named
-    usable = case.answer.release.usable
-    kind = words.title if usable else f"Not to be entered: {words.many}"
+    kind = words.title if case.answer.release.usable else f"Not to be entered: {words.many}"
     causes = f" with {' and '.join(named)}" if named else ""
     relation = words.relation.replace("true position", "true")
     title = f"{kind}{causes}{case.machine.common_unit} ({relation})"
@@ -522,8 +521,8 @@ def budget_section(machine: Machine, budget: Budget) -> doc.Section:
         name = source_words(line.source, machine, line.possible)[0]
         rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
     rows.append(("together, u", "", "", *map(two_figures, u)))
-    expanded = f"U = k·u, {coverage_words(budget.k)}"
-    rows.append((expanded, "", "", *map(two_figures, budget.expanded_mm)))
+    expanded = map(two_figures, budget.expanded_mm)
+    rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *expanded))
     largest = budget.largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
@@ -681,7 +680,8 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     notes = [note for note in answer.notes if note not in answer.release.cautions]
     if brief:
         notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
-    yield from dict.fromkeys(map(case.says, notes))
+    # Those on the nozzle stand under the next steps.
+    yield from dict.fromkeys(case.says(note) for note in notes if note.code not in NOZZLE)
 
 
 def _assumptions(case: Case) -> Iterator[str]:
