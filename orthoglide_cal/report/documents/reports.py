@@ -406,11 +406,6 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
     if not result.kept:
-        if any(reason.code == "order_as_given" for reason in result.reservations):
-            typed = command("verify", after, before, machine=machine_file)
-            if not brief:
-                typed = command("report", after, machine=machine_file, after=before)
-            yield doc.step(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", after, machine=machine_file)
             yield doc.step("Find what else changed, or what was wrong before", typed)
