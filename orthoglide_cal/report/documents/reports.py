@@ -213,7 +213,10 @@ def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterat
         f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
         for when, _, mm, worst in views
     ]
-    if after is None:
+    if after:
+        unsure = two_figures(after.after_mm - after.left_mm)
+        lead.append(f"The uncertainty of the offsets left adds up to {unsure} mm.")
+    else:
         source = "All of that comes from uncertainty."
         if causes := " and ".join(cause.id for cause in case.known):
             source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
