@@ -132,7 +132,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
 
     spare = [] if release.usable else notes
     most = _SOLVED if release.usable else _REFUSED + len(answer.parameters)
-    return fitting(page, others, meaning, largest, spare, lines=most - answer.simulated)
+    return fitting(page, others, meaning, largest, spare, lines=most)
 
 
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
@@ -335,12 +335,12 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
             words, colon, typed = str(error).partition(": orthocal ")
             yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
+    if release.usable and not release.settled:
+        yield from _entering(case, brief)
+    if not (brief and release.usable):
+        yield from case.remedies(*[RETAKE] * (brief and causes))
     if release.settled:
         yield from (doc.step(text, case.typed(verb)) for text, verb in case.machine.settled_steps)
-    elif release.usable:
-        yield from _entering(case, brief)
-    else:
-        yield from case.remedies(*[RETAKE] * (brief and causes))
     if brief and causes:
         decided = verdict is Verdict.NAMED
         see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
@@ -349,10 +349,11 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
 
 def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
-    yield from case.remedies()
     if case.answer.release.settled:
         yield from to_do(case)
-    elif case.answer.release.usable:
+        return
+    yield from case.remedies()
+    if case.answer.release.usable:
         yield doc.step("See what to enter", case.typed("solve"))
 
 
@@ -677,8 +678,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     for id, verb, times in large:
         stated = "usual" if CAUSES[id].assumed(machine) else "stated"
         key = CAUSES[id].key(machine)
-        real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
-        check = f"look for {real}, or correct {key} in the machine file."
+        check = f"look for the reason first, or correct {key} in the machine file."
         yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
     if answer.ruled_out:
         yield f"Ruled out by hand: {listed(answer.ruled_out)}."
