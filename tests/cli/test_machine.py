@@ -92,9 +92,11 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
     assert "Mill 3" in done()
     assert "orthocal machine new" not in done()
     assert "orthocal measure --gauge simulated" in done()
-    Path("begun.journal").write_text("")
-    assert "orthocal measure begun.yaml --resume" in done()
-    Path("begun.journal").unlink()
+    for name in ("begun", "later"):
+        Path(f"{name}.journal").write_text("")
+        assert f"orthocal measure {name}.yaml --resume" in done()
+    for name in ("begun", "later"):
+        Path(f"{name}.journal").unlink()
     run("simulate", "--offsets", "0.4", "0", "0", "--seed", "1", "--output", "one.yaml")
     assert "orthocal apply one.yaml" in done()
     done("apply", "one.yaml", "--yes")
