@@ -270,12 +270,9 @@ def verify(
     apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))
     grown = min(rms(will_be), rms(now)) > rms(was) + both
     if grown and not ordered and rms(applied) > 2.0 * rms(first.offsets_mm):  # nobody enters that
-        paths = [given.measured.source.path for given in (after, before)]
-        raise UsageError(
-            "{} seems to have been measured before {}: in this order the deviations grow, as"
-            " what was entered predicts.".format(*paths),
-            f"Name it first: {typed}",
-        )
+        fault = f"{after.name} seems to have been measured before {before.name}: in this order the"
+        fault += " deviations grow, as what was entered predicts."
+        raise UsageError(fault, f"Name it first: {typed}")
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
         worst = min(outcomes, key=[*Outcome].index)

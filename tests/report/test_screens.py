@@ -18,12 +18,7 @@ from orthoglide_cal.planning.next_measurement import rank_measurements
 from orthoglide_cal.planning.plan import chosen_session, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.answer import (
-    diagnosis_document,
-    headline,
-    solution_document,
-    to_do,
-)
+from orthoglide_cal.report.documents.answer import diagnosis_document, headline, solution_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.results.answer import RETAKE, Remedy
@@ -69,7 +64,6 @@ def both_screens(case: Case) -> str:
         assert any(re.search(r" {2}enter( |$)", line) for line in lines) == enter, lines
         assert ("apply" in "\n".join(lines)) <= enter
         said = "\n".join(lines)
-        assert set(case.remedies()) <= set(to_do(case))
     undecided = answer.verdict is Verdict.AMBIGUOUS
     lines = screen(diagnosis_document(case), MOST["undecided" if undecided else "diagnose"])
     assert ("Do not enter" in "\n".join(lines)) == (not answer.release.usable), lines

@@ -335,12 +335,12 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
             words, colon, typed = str(error).partition(": orthocal ")
             yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
-    if release.usable and not release.settled:
-        yield from _entering(case, brief)
-    if not (brief and release.usable):
-        yield from case.remedies(*[RETAKE] * (brief and causes))
     if release.settled:
         yield from (doc.step(text, case.typed(verb)) for text, verb in case.machine.settled_steps)
+    elif release.usable:
+        yield from _entering(case, brief)
+    else:
+        yield from case.remedies(*[RETAKE] * (brief and causes))
     if brief and causes:
         decided = verdict is Verdict.NAMED
         see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
@@ -349,11 +349,10 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
 
 def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
+    yield from case.remedies()
     if case.answer.release.settled:
         yield from to_do(case)
-        return
-    yield from case.remedies()
-    if case.answer.release.usable:
+    elif case.answer.release.usable:
         yield doc.step("See what to enter", case.typed("solve"))
 
 

@@ -153,7 +153,8 @@ def _causes(case: Case) -> list[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
     sections = list[doc.Section]()
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
-    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
+    steps = () if answer.release.usable else answer.release.remedies  # else what to enter
+    advised = " ".join(case.says(remedy.sentence) for remedy in steps)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
