@@ -275,8 +275,7 @@ def verify(
         raise UsageError(fault, f"Name it first: {typed}")
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
-        worst = min(outcomes, key=[*Outcome].index)
-        decision = Conformity(outcome=worst, limit_mm=limit_mm)
+        decision = Conformity(outcome=min(outcomes, key=[*Outcome].index), limit_mm=limit_mm)
     return Verification(
         **_common((before, after), (first, second), entered.tolist()),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
