@@ -304,7 +304,7 @@ def bed_map(
     for (x, y), k, rings in zip(places, _classes(microns, limits), ringed, strict=True):
         body.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
         body += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if rings else []
-    body.append(words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"))
+    body.append(words(x0 + _BED / 2.0, _OVER + _BED - 4, "front", "end", "muted halo"))  # no touch
     for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
         away = _BED / 2 + 12
         x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)

@@ -255,13 +255,16 @@ def verify(
     columns = "measured_mm", "expected_mm", "expanded_mm", "after_mm", "after_expanded_mm"
     was, will_be, sure, now, now_sure = np.array([attrgetter(*columns)(row) for row in rows]).T
     apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))
+    grown = min(rms(will_be), rms(now)) > rms(was) + both
+    if grown and not ordered and rms(applied) > 2.0 * rms(first.offsets_mm):  # nobody enters that
+        fault = f"{after.name} seems to have been measured before {before.name}: in this order the"
+        fault += " deviations grow, as what was entered predicts."
+        raise UsageError(fault, f"Name it first: {typed}")
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
         decision = Conformity(outcome=min(outcomes, key=[*Outcome].index), limit_mm=limit_mm)
-    # Only an opposite sign can come of the wrong order.
-    unordered = not ordered and response["answer"] is Behaviour.OPPOSITE
     return Verification(
-        **_common((before, after), (first, second), entered.tolist(), unordered),
+        **_common((before, after), (first, second), entered.tolist()),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
         apart_mm=apart,
         apart_expanded_mm=both,
@@ -342,12 +345,8 @@ def _common(
     inputs: tuple[Input, Input],
     solutions: tuple[Solution, Solution],
     entered: Sequence[float | None],
-    unordered: bool = False,
 ) -> dict[str, object]:
-    """Fields for any kind of machine: both inputs, and what was entered in between.
-
-    `unordered`: they may have been measured in the other order.
-    """
+    """Fields for any kind of machine: both inputs, and what was entered in between."""
     before, after = (
         ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
         for given, solution in zip(inputs, solutions, strict=True)
@@ -359,7 +358,7 @@ def _common(
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
-        "reservations": (*reservations, *([Reason.of("order_as_given")] if unordered else ())),
+        "reservations": tuple(reservations),
         "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
     }
 

@@ -136,7 +136,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
 
     spare = [] if release.usable else notes
     most = _SOLVED if release.usable else _REFUSED + len(answer.parameters)
-    return fitting(page, others, meaning, largest, spare, lines=most - answer.simulated)
+    return fitting(page, others, meaning, largest, spare, lines=most)
 
 
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
@@ -672,8 +672,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     for id, verb, times in large:
         stated = "usual" if CAUSES[id].assumed(machine) else "stated"
         key = CAUSES[id].key(machine)
-        real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
-        check = f"look for {real}, or correct {key} in the machine file."
+        check = f"look for the reason first, or correct {key} in the machine file."
         yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
     if answer.ruled_out:
         yield f"Ruled out by hand: {listed(answer.ruled_out)}."

@@ -152,7 +152,8 @@ def _causes(case: Case) -> list[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
     sections = list[doc.Section]()
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
-    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
+    steps = () if answer.release.usable else answer.release.remedies  # else what to enter
+    advised = " ".join(case.says(remedy.sentence) for remedy in steps)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
@@ -212,7 +213,10 @@ def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterat
         f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
         for when, _, mm, worst in views
     ]
-    if after is None:
+    if after:
+        unsure = two_figures(after.after_mm - after.left_mm)
+        lead.append(f"The uncertainty of the offsets left adds up to {unsure} mm.")
+    else:
         source = "All of that comes from uncertainty."
         if causes := " and ".join(cause.id for cause in case.known):
             source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
@@ -403,11 +407,6 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
     if not result.kept:
-        if any(reason.code == "order_as_given" for reason in result.reservations):
-            typed = command("verify", after, before, machine=machine_file)
-            if not brief:
-                typed = command("report", after, machine=machine_file, after=before)
-            yield doc.step(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", after, machine=machine_file)
             yield doc.step("Find what else changed, or what was wrong before", typed)
