@@ -46,7 +46,8 @@ def apply(
     agrees = common.agreement(yes, "`apply` asks before it changes anything.")
     controller = controller_file(to) if to else None
     # A printer's own settings are no place to record anything.
-    known = None if isinstance(common.known_machine(machine), PrinterFile) else machine
+    read = common.known_machine(machine) if str(machine) != "-" else None
+    known = None if isinstance(read, PrinterFile) else machine
     known = known or (machine_of_controller(Path(), controller) if controller else None)
     if undo:
         file = common.own_machine_file(known)
