@@ -116,13 +116,6 @@ class Settings(Content):
             for fault in self.dropped[:1]
             for lines in [[str(f.line) for f in self.dropped if f.what == fault.what]]
         ]
-        self.remarks += [
-            Reason.of("not_in_force", line=line, option=name, section=section, other=other)
-            for section in filter(_MATTERS.fullmatch, saved_at)
-            for name, (line, text) in saved[section].items()
-            for other, in_force in [typed[section].get(name, (0, text))]
-            if in_force.split() != text.split()
-        ]
 
     def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
         """What keeps Klipper from reading the file, or what SAVE_CONFIG wrote there."""
@@ -423,8 +416,6 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     for option, (line, _) in options["bed_mesh"].items():
         if option in _ZEROS:
             remarks.append(Reason.of("mesh_zero", line=line, option=option))
-    if len(profiles) > 1:
-        remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
     if "points" not in options[section]:
