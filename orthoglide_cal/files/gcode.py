@@ -357,7 +357,6 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     if circle:
         if not printed_radius:
             needs_reach("G33")
-        remarks.append(Reason.of("averaged_places"))
         data["calibration"] = stored("G33", circle)
     if grid and not bed:
         needs_reach("G29")

@@ -107,7 +107,6 @@ class Settings(Content):
         self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in typed_at)
-        self._cut_off = not saved_at
         before, heading, _ = f"\n{document.text}".partition(_HEADING)
         self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
         self.dropped = list(self._dropped(lines))
@@ -177,8 +176,6 @@ class Settings(Content):
         remedy = f"Add “{option}: …” to [{section}]."
         if self.included:
             remedy = f"Copy [{section}] from the included file into this one."
-        if self._cut_off:
-            remedy += " Or was the file cut off? The block that SAVE_CONFIG writes is missing."
         there, column, _ = self.place((section, option))
         self.add("The option is missing.", remedy, line=line or there, column=column)
 

@@ -778,8 +778,6 @@ def _differences(table: Table, machine: Machine) -> Differences:
     known = _BY_NAME[kind]
     if missing := [name for name in known if name not in values]:
         remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
-    if kind is DataKind.TWELVE and values.keys() <= _BY_NAME[DataKind.SINGLE].keys():
-        remarks.append(Reason.of("taken_as_twelve"))
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
     return Differences(kind, which, value, rows.source, remarks=tuple(remarks))

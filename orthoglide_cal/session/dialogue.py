@@ -1083,7 +1083,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
 
 
 def session_path(given: Path) -> Path:
-    """The session file that is meant by a name, be it that of its journal or without a suffix.
+    """The session file that is meant by a name, which may have no suffix.
 
     Raises UsageError where it cannot be the name of a file.
     """
@@ -1092,8 +1092,6 @@ def session_path(given: Path) -> Path:
         raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
-    if given.suffix == JOURNAL:
-        return given.with_suffix(".yaml")
     if given.suffix in (".yaml", ".yml"):
         return given
     return given.with_name(f"{given.name}.yaml")
