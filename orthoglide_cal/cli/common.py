@@ -185,7 +185,7 @@ APPLIED = option(
     " the sessions or the machine file record.",
 )
 LIMIT = option(
-    "MM", "Largest permitted deviation of any difference; decides pass, fail or undecided."
+    "MM", "Largest permitted deviation of any difference: pass, fail or undecided.", min=1e-4
 )
 RULE_OUT = option("CAUSE", "A fault that you looked for and did not find; may be given repeatedly.")
 OUTPUT = option("FILE", "File to write. An existing file is never overwritten.", "--output", "-o")

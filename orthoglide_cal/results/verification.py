@@ -227,8 +227,6 @@ def verify(
         return _of_touches(before, after, applied_mm)
     if any(heights):
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
-    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if different := differing(before.model, after.model):
         raise UsageError(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
