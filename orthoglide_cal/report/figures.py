@@ -576,8 +576,7 @@ def differences_figure(
             ),
         ]
     seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
-    title = "Differences, before and after"
-    picture = svg(_WIDE, bottom + 30.0, title, seen, parts)
+    picture = svg(_WIDE, bottom + 30.0, "Differences, before and after", seen, parts)
     kind, meaning = comparison_words(single)
     key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
@@ -869,8 +868,7 @@ def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure |
 
 def moves_rails(id: str) -> bool:
     """True if the parameters of a cause are gaps between rails."""
-    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
-    return any(screw and screw.along for screw in screws)
+    return any(screw and screw.along for screw in map(CAUSES[id].adjustment, CAUSES[id].names))
 
 
 def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:

@@ -112,8 +112,7 @@ def _table(grid: doc.Grid) -> Html:
     stacked = (len(kinds) > MOST_NARROW or head is None) and not grid.tiles
     rows = []
     for first, *others in grid.rows:
-        named = bool(first) and 0 in grid.words
-        name, scope = ("th", "row") if named else ("td", None)
+        name, scope = ("th", "row") if first and 0 in grid.words else ("td", None)
         cells = (
             tag("td", _line(cell), class_=kind, data_head=title or None)
             for cell, kind, title in zip(others, kinds[1:], grid.head[1:], strict=True)

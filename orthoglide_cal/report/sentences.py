@@ -68,8 +68,7 @@ def _cause(id: str, kind: str) -> Mapping[str, str]:
 
 def cause_words(id: str, machine: Machine, where: str = "") -> Mapping[str, str]:
     """Words of a cause at a place of such a machine: title, check, advice, no_setting."""
-    words = _cause(id, machine.kind)
-    return {name: text.format(where=where) for name, text in words.items()}
+    return {name: text.format(where=where) for name, text in _cause(id, machine.kind).items()}
 
 
 def where_words(machine: Machine, pattern: FoundPattern) -> str:

@@ -198,6 +198,9 @@ def apply(
                 since = f"The last entry was written to another file: {stood.target}"
             if adds:
                 instead = "enter the offsets by hand, and record them without --to."
+            elif known and known.sha256_after == controller.sha256:
+                since = "The last entry wrote that."
+                instead = "state these settings in the machine file that you name."
             fault = f"{controller.target}: {unlike} {since}"
             raise UsageError(fault, f"Restore it, or {instead}")
         first = Reason.of("first_written") if adds and not stood else None

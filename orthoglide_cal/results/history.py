@@ -418,8 +418,7 @@ def compare(
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     advice: str = verdict
     if rivals:
-        homing = Trend.SCATTERING in (verdict, *rivals)
-        advice = "home_repeatedly" if homing else "one_more_session"
+        advice = "home_repeatedly" if Trend.SCATTERING in (verdict, *rivals) else "one_more_session"
     elif any(session.refuted for session in sessions):
         advice = "refuted"
     shapes = []

@@ -332,8 +332,7 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
         return False
     budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
-    scale = budget.k / NORMAL_K
-    return chance_of_residual(apart, len(change), scale) >= MOVED
+    return chance_of_residual(apart, len(change), budget.k / NORMAL_K) >= MOVED
 
 
 def _with_others(
@@ -623,8 +622,7 @@ def _named(
             remedies.append(Remedy.of("look", "diagnose", f"--rule-out {fault.id}", **place))
         if following is not None:
             decides = _decisive(diagnosis, following)
-            again = Reason.of("or", first=decides.sentence)
-            remedies.append(decides.changed(sentence=again))
+            remedies.append(decides.changed(sentence=Reason.of("or", first=decides.sentence)))
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     remedies = []
     # A slip in the record is looked for sooner than a machine is taken apart.

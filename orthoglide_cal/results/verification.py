@@ -268,8 +268,7 @@ def verify(
     apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
-        worst = min(outcomes, key=[*Outcome].index)
-        decision = Conformity(outcome=worst, limit_mm=limit_mm)
+        decision = Conformity(outcome=min(outcomes, key=[*Outcome].index), limit_mm=limit_mm)
     # Only an opposite sign can come of the wrong order.
     unordered = not ordered and response["answer"] is Behaviour.OPPOSITE
     return Verification(

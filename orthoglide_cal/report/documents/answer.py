@@ -384,8 +384,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
 def parameters_section(case: Case, *more: doc.Block | None) -> doc.Section:
     """The table under what it is of, in which unit, and how it is meant; with more below it."""
     words, named = case.words, case.answer.named
-    usable = case.answer.release.usable
-    kind = words.title if usable else f"Not to be entered: {words.many}"
+    kind = words.title if case.answer.release.usable else f"Not to be entered: {words.many}"
     causes = f" with {' and '.join(named)}" if named else ""
     relation = words.relation.replace("true position", "true")
     title = f"{kind}{causes}{case.machine.common_unit} ({relation})"
@@ -527,8 +526,7 @@ def budget_section(
         others = counted(sum(line.minor for line in lines), "other")
         rows.append((others, "", "", *map(two_figures, total.minor)))
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
-    u = f"U = k·u, {coverage_words(total.k)}"
-    rows.append((u, "", "", *map(two_figures, total.expanded)))
+    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *map(two_figures, total.expanded)))
     largest = Budget(tuple(lines)).largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
@@ -686,8 +684,9 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     if brief:
         notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
     else:
-        notes += (warning for warning in _warnings(case) if warning.code not in NOZZLE)
-    yield from dict.fromkeys(map(case.says, notes))
+        notes += _warnings(case)
+    # Those on the nozzle stand under the next steps.
+    yield from dict.fromkeys(case.says(note) for note in notes if note.code not in NOZZLE)
 
 
 def _warnings(case: Case) -> list[Reason]:

@@ -105,8 +105,7 @@ def calibration_document(
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
             measured = _differences_left(left).blocks
-            steps = doc.next_steps(_verification_steps(left), *measured)
-            sheet = [_parameters_left(left), steps]
+            sheet = [_parameters_left(left), doc.next_steps(_verification_steps(left), *measured)]
         elif released:
             notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
         else:
