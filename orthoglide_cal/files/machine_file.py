@@ -435,9 +435,8 @@ def without_entry(file: StoredMachine) -> StoredMachine:
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     """A machine file with these values, not written yet; the others are the shipped one's.
 
-    Dotted key → plain value, None to state nothing; without a kind it is an Orthoglide. Raises
-    InputError: they do not make a machine; each with its key, and no line: the file is not there
-    yet.
+    Dotted key → plain value; without a kind it is an Orthoglide. Raises InputError: they do not
+    make a machine; each with its key, and no line: the file is not there yet.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     text = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
@@ -493,16 +492,11 @@ def _numbered(lines: str, key: str, group: Mapping[str, object]) -> str:
 
 
 def _with_value(text: str, path: str, value: object) -> str:
-    """The text of a shipped file with one value, of a key or of one in a group; None for none."""
+    """The text of a shipped file with one value, of a key or of one in a group."""
     group, _, key = path.rpartition(".")
     start, end = _span(text, group or key)
     line = yaml_text({key: value}).strip("{}\n")
     standing = rf"\b{key}: (\[.*?\]|[^,}}#\n]*?)(?= *[,}}#\n])"
     if stands := re.compile(standing).search(text, start, end):
-        start, end = stands.span()
-        if value is None:
-            start, line = text.rfind("\n", 0, start), ""
-            end += text[end:].index("\n")
-        return text[:start] + line + text[end:]
-    margin = "  " if group else ""
-    return text if value is None else f"{text[:end]}{margin}{line}\n{text[end:]}"
+        return text[: stands.start()] + line + text[stands.end() :]
+    return f"{text[:end]}{'  ' if group else ''}{line}\n{text[end:]}"
