@@ -57,9 +57,9 @@ def start() -> None:
         state, steps = [], [doc.step(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
         name = str(path.with_suffix(".yaml"))
-        if path not in begun:
-            typed = command("measure", name, options="--resume")
-            steps.append(doc.step("Continue the practice", typed))
+        if path not in begun[:1]:  # the first to be continued is there
+            continued = "Continue the practice" if path in practices else "Continue measuring"
+            steps.append(doc.step(continued, command("measure", name, options="--resume")))
         steps.append(doc.step("Or give it up", command("measure", name, options="--discard")))
     if sum(path.suffix != ".csv" for path in sessions) > 1 and not (waiting or to):
         steps.append(doc.step("Check whether the machine has changed", "orthocal history ."))

@@ -340,10 +340,10 @@ def compare(
         notes.append(Reason.of("stored_again", names=[inputs[k].name for k in copies]))
         inputs = [given for k, given in enumerate(inputs) if k not in copies]
     if len(inputs) < 2:
-        without = ", without those that are simulated, copies or not readable" * bool(notes)
+        without = ": simulated, copied and unreadable ones do not count" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
-            "Name files; or the folder of sessions: of tables (CSV) it takes none.",
+            "Name the files. In a folder only sessions count, no tables (CSV): name those.",
         )
     inputs, moments = in_order(inputs)
     times = np.arange(len(inputs), dtype=np.float64)

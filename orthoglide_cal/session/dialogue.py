@@ -779,7 +779,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     if request.resume:
         _refuse_changes(state.opened, setting.held, request)
         asker.gauge = asker.gauge or serial_gauge(source, opened)
-        asker.say(_machine_words(setting.held, state.opened.seed is not None))
+        asker.say(_machine_words(setting.held, state.opened.seed, setting.first))
         if setting.following:
             asker.say(setting.following.words, Style.TITLE)
     if source == (VIRTUAL,):
@@ -839,7 +839,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
         if first:
             plan, following, change = planned_next(first, options, request, model.machine.active)
         careful = require_on_bar(plan, model.machine)
-        asker.say(_machine_words(model, seed is not None))
+        asker.say(_machine_words(model, seed, first))
         doubts = map(request.says, model.machine.instrument.implausible().values())
         for doubt in filter(None, (careful and str(careful), *doubts, change)):
             asker.say(doubt, Style.BAD)
@@ -895,10 +895,11 @@ def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
                     asker.say(str(error), Style.BAD)
 
 
-def _machine_words(model: Model, simulated: bool) -> str:
+def _machine_words(model: Model, seed: int | None, first: PriorReadings | None) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
     machine, gauge = model.machine, model.machine.instrument
     known = ", ".join(effect.cause.id for effect in model.accepted)
+    simulated = seed is not None or (first is not None and first.readings.source.simulated)
     return "\n".join([
         *([SIMULATED] if simulated else []),
         f"Machine  {visible(machine.name)}",
