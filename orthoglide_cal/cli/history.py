@@ -11,7 +11,9 @@ def history(
     sessions: list[str] = argument(
         "FILE", f"Sessions of one machine, or a folder. {MEASURED}.", required=True
     ),
-    limit: Number = option("MM", "Largest permitted change. Shows when a drift reaches it."),
+    limit: Number = option(
+        "MM", "Largest permitted change; shows when drift reaches it.", min=1e-4
+    ),
     dates: Text = option("DATES", "Dates of the files, in order: 2026-03-02,2026-04-07."),
     machine: File = common.MACHINE,
     data: common.Data = common.DATA,

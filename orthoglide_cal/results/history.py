@@ -326,8 +326,6 @@ def compare(
             f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
-    if limit_mm is not None and limit_mm <= 0.0:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if dates:
         inputs = [*map(_of_date, inputs, dates)]
     notes = list[Reason]()

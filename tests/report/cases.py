@@ -9,7 +9,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.input import Check, CheckedFile
+from orthoglide_cal.files.input import Check, InputFile
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
@@ -105,7 +105,7 @@ def faulty() -> Document:
         InputError("No axis.", "Write x, y or z.", line=2, column="leg", value=HOSTILE[3]),
         InputError(f"Columns {HOSTILE[2]} are not known."),
     )
-    file = CheckedFile(path=HOSTILE[3] + ".csv")
+    file = InputFile(path=HOSTILE[3] + ".csv")
     remarks = tuple(Reason.of("unknown_names", kind=t, names=[t], hints=t) for t in HOSTILE)
     return check_document(Check(input=file, valid=False, problems=problems, remarks=remarks))
 

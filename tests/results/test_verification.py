@@ -293,8 +293,6 @@ def test_usage_errors():
         verify(before(23), after(TRUE, 24), (0.0, 1e-300, 0.0))
     with pytest.raises(UsageError, match="Nothing was applied"):
         verify(paper(2), paper(3), (0.0, 0.0, 0.0))
-    with pytest.raises(UsageError, match="limit"):
-        verify(paper(2), paper(3), TRUE, limit_mm=0.0)
     heights = of_values(DataKind.SINGLE, [0.1, 0.2, 0.3, 0.1, 0.2, 0.4])
     with pytest.raises(UsageError, match="share fewer than four differences"):
         verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)

@@ -14,7 +14,7 @@ from functools import partial
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.inference.sessions import Behaviour
@@ -35,7 +35,7 @@ from orthoglide_cal.report.documents.answer import (
 )
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results.answer import Answer, Identity, InputFile, Validity
+from orthoglide_cal.results.answer import Answer, Identity, Validity
 from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -604,7 +604,7 @@ def _circumstances(
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(temperatures) or None,
         "operator": validity.operator and doc.given(validity.operator),
-        "data": (f"{of.readings} {noun}, ", doc.code(of.sha256[:12])),
+        "data": (f"{of.readings} {noun}, ", doc.code(str(of.sha256)[:12])),
     }
     return [(name, rows[name]) for name in rows if name in ("measured", "data", *machine.noted)]
 
