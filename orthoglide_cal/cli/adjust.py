@@ -22,10 +22,11 @@ def adjust(
 ) -> int:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
     from orthoglide_cal.causes import HOME_SWITCH
+    from orthoglide_cal.files.input import InputFile
     from orthoglide_cal.inference.diagnose import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
     from orthoglide_cal.report.documents.short import adjustment_document
-    from orthoglide_cal.results.answer import InputFile, MachineName
+    from orthoglide_cal.results.answer import MachineName
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
 
     if session == "-":
@@ -38,7 +39,7 @@ def adjust(
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
         if HOME_SWITCH.usual(known) is None:
-            fault = "Its firmware holds the endstops as numbers: no switch is moved."
+            fault = "The printer's firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         common.judged(given, diagnosed=diagnosis).require_usable()
     id, adjustments = choose_adjustments(diagnosis, cause, machine)

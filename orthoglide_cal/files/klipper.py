@@ -107,7 +107,6 @@ class Settings(Content):
         self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in typed_at)
-        self._cut_off = not saved_at
         before, heading, _ = f"\n{document.text}".partition(_HEADING)
         self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
         self.dropped = list(self._dropped(lines))
@@ -115,13 +114,6 @@ class Settings(Content):
             Reason.of("dropped", lines=lines, what=fault.what, remedy=fault.remedy)
             for fault in self.dropped[:1]
             for lines in [[str(f.line) for f in self.dropped if f.what == fault.what]]
-        ]
-        self.remarks += [
-            Reason.of("not_in_force", line=line, option=name, section=section, other=other)
-            for section in filter(_MATTERS.fullmatch, saved_at)
-            for name, (line, text) in saved[section].items()
-            for other, in_force in [typed[section].get(name, (0, text))]
-            if in_force.split() != text.split()
         ]
 
     def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
@@ -184,8 +176,6 @@ class Settings(Content):
         remedy = f"Add “{option}: …” to [{section}]."
         if self.included:
             remedy = f"Copy [{section}] from the included file into this one."
-        if self._cut_off:
-            remedy += " Or was the file cut off? The block that SAVE_CONFIG writes is missing."
         there, column, _ = self.place((section, option))
         self.add("The option is missing.", remedy, line=line or there, column=column)
 
@@ -246,8 +236,7 @@ def read_printer_file(
     data = {name: readings for name, readings in both.items() if readings is not None}
     known = sorted(settings.options[_CALIBRATION].items())
     steps = " ".join(text for option, (_, text) in known if _STORED.match(option))
-    remarks = tuple(settings.remarks)
-    return PrinterFile(machine, probe, document.source, data, remarks, steps=steps)
+    return PrinterFile(machine, probe, document.source, data, tuple(settings.remarks), steps=steps)
 
 
 def settings_beside(document: FileText) -> PrinterFile | None:
@@ -423,8 +412,6 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     for option, (line, _) in options["bed_mesh"].items():
         if option in _ZEROS:
             remarks.append(Reason.of("mesh_zero", line=line, option=option))
-    if len(profiles) > 1:
-        remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
     if "points" not in options[section]:
@@ -434,8 +421,7 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     start, points = options[section]["points"]
     texts = enumerate(points.split("\n"), start)
     rows = {line: text.split(",") for line, text in texts if text.strip()}
-    place = f"points of [{section}]"
-    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=place)
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=f"points of [{section}]")
     if settings.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), stored, stated)

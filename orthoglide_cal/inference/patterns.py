@@ -101,8 +101,7 @@ def _drifts(plan: Plan, fine: bool, periods: Floats | None = None) -> Columns:
         count = (FINE if fine else COARSE) * SHORTEST[1] / least
         periods = longest / np.linspace(1.0 / LONGEST, 1.0 / least, round(count))
     turn = 2.0 * np.pi * since[:, None] / periods
-    terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(since)
-    return _by_mover(plan, terms, periods)
+    return _by_mover(plan, np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(since), periods)
 
 
 def _settles(plan: Plan, fine: bool, constants: Floats | None = None) -> Columns:

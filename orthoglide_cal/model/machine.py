@@ -124,8 +124,8 @@ class Entered(Schema):
     corrected: Corrections | None = None
     data_sha256: Digest  # of the measurement that they came from
     written: Written | None = None  # to the controller; None if it was typed in by hand
-    # Path in the machine file → what stood there, where that is not as the program writes it.
-    texts: Mapping[str, str] | None = None
+    # Key of the machine file → its lines that this replaced, "" for none; or the whole file, by "".
+    replaced: Group[str] | None = None  # None in files of earlier versions
 
     @property
     def active(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -333,7 +333,6 @@ class Machine(Schema):
     # called; "" for none.
     first_steps: ClassVar[tuple[tuple[str, str, str], ...]]
     practice_steps: ClassVar[tuple[tuple[str, str, str], ...]]  # in a folder to practise
-    settled_steps: ClassVar[tuple[tuple[str, str], ...]] = ()  # where nothing is to be entered
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
     controller_formats: ClassVar[tuple[str, ...]]  # of its usual controller's file first

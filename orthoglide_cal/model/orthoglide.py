@@ -94,7 +94,6 @@ class Orthoglide(Machine):
         ("Measure", "measure", ""),
         ("Or practise first, in another folder", "machine new --practice", ""),
     )
-    settled_steps = (("See which further readings would help", "plan"),)
     practice_steps = (("Practise without a machine", "measure --gauge simulated", ""),)
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
@@ -370,8 +369,7 @@ class Orthoglide(Machine):
     def uncertain(self, plan: GaugePlan, predict: Predicted) -> Iterator[Influence]:
         gauge, predicted = self.gauge, predict(plan)
         scale, assumed = stated_or(gauge.scale_u, SCALE_U)
-        columns = scale * predicted[..., None]
-        yield Influence(Origin.GAUGE_SCALE, scale, "", assumed, columns)
+        yield Influence(Origin.GAUGE_SCALE, scale, "", assumed, scale * predicted[..., None])
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
             size, assumed = stated_or(gauge.placement_mm, PLACEMENT_MM)

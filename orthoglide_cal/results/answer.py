@@ -12,9 +12,9 @@ from typing import Literal, Self
 from pydantic import AwareDatetime, Field, computed_field
 
 from orthoglide_cal import __version__
-from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Contribution
 from orthoglide_cal.estimation.solution import PromisedDifference
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.inference.data import Ids
@@ -26,6 +26,7 @@ from orthoglide_cal.inference.result import (
     FoundPattern,
     LackOfFit,
     NextMeasurement,
+    Noise,
     Otherwise,
     Parameter,
     TimesStated,
@@ -38,24 +39,6 @@ from orthoglide_cal.schema import Reason, Schema, Sentence
 STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
 # Options of `measure` in remedies: further readings after these; some of these once more.
 THEN, RETAKE = "--then", "--resume"
-
-
-class InputFile(Schema):
-    """The file that the answer is about."""
-
-    path: str
-    sha256: str
-    kind: str = Field(description="readings, six, twelve or single")
-    readings: int = Field(description="readings, or differences")
-    data: str | None = Field(None, description="which measurement of a printer.cfg")
-
-    @classmethod
-    def of(cls, given: Input, **more: object) -> Self:
-        """The file of an input; `more` are other values, and those of further fields."""
-        measured, source = given.measured, given.measured.source
-        known = {"path": source.path, "sha256": source.sha256, "kind": measured.kind}
-        data = source.excerpt.data if source.excerpt else None
-        return cls.model_validate({**known, "readings": len(measured), "data": data, **more})
 
 
 class MachineName(Schema):
@@ -145,26 +128,6 @@ class Residue(Schema):
     after_mm: float
 
 
-class Noise(Schema):
-    """Standard deviation of one reading, by source."""
-
-    used_mm: float = Field(description="what U rests on")
-    repeats_mm: float | None = Field(description="from repeated readings")
-    residuals_mm: float | None = Field(description="from the residuals")
-    stated_mm: float = Field(description="as the machine file states it")
-    floor_mm: float = Field(description="resolution / √12")
-    dof: int = Field(description="degrees of freedom of the residuals")
-
-
-class Shim(Schema):
-    """One rail to move, so that it meets the next."""
-
-    rail: str
-    along: str = Field(description="axis, with the sign of the motion: +z")
-    mm: float
-    expanded_mm: float
-
-
 class Residual(Schema):
     """One reading (or difference): measured and modelled."""
 
@@ -187,7 +150,6 @@ class Residual(Schema):
     moved_mm: float | None = Field(
         None, description="since the gauge's reading before; null: the first of its set-up"
     )
-    weight: float = Field(1.0, description="1: as precise as most")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
     with_causes_mm: float | None = Field(
@@ -264,16 +226,13 @@ class Answer(Schema):
     deviations: tuple[PromisedDifference, ...] = ()
     deviations_rms: Residue | None = Field(None, description="as measured, and after entering")
     budget: tuple[Contribution, ...] = ()
-    total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
     converged: bool = False
     residuals: tuple[Residual, ...] = ()
     causes: tuple[FoundCause, ...] = Field((), description="best first")
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
-    shims: tuple[Shim, ...] = Field((), description="that close the gaps of axis_gap")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
-    rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")
     beyond_tolerance: tuple[TimesStated, ...] = Field(
         (), description="would explain what is unexplained, far beyond their plausible size"
     )
@@ -293,11 +252,10 @@ class Answer(Schema):
     sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
         None, description="with all plausible sizes changed"
     )
-    warnings: tuple[Sentence, ...] = Field((), description="about the data")
     others: tuple["Answer", ...] = Field(
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )
-    notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
+    notes: tuple[Sentence, ...] = Field((), description="cautions, on the data, of the diagnosis")
 
     @property
     def beyond(self) -> tuple[FoundPattern, ...]:

@@ -308,7 +308,6 @@ def compare(
     dates: Sequence[str] = (),
     limit_mm: float | None = None,
     adjusted: Mapping[str, Removed] = MappingProxyType({}),
-    unread: Sequence[str] = (),
 ) -> History:
     """Compare the sessions of a machine.
 
@@ -317,7 +316,6 @@ def compare(
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
         adjusted: digest of a session → what was adjusted after it.
-        unread: files of the folder that are left out, because they cannot be read.
 
     Raises:
         UsageError: not one machine, or dates that do not fit.
@@ -328,11 +326,9 @@ def compare(
             f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
-    if limit_mm is not None and limit_mm <= 0.0:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if dates:
         inputs = [*map(_of_date, inputs, dates)]
-    notes = [Reason.of("not_read", names=[*unread])] if unread else []
+    notes = list[Reason]()
     measured = [one for one in inputs if not one.measured.source.simulated]
     simulated = not measured
     if measured and len(measured) < len(inputs):
@@ -342,10 +338,10 @@ def compare(
         notes.append(Reason.of("stored_again", names=[inputs[k].name for k in copies]))
         inputs = [given for k, given in enumerate(inputs) if k not in copies]
     if len(inputs) < 2:
-        without = ", without those that are simulated, copies or not readable" * bool(notes)
+        without = ": simulated and copied ones do not count" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
-            "Name files; or the folder of sessions: of tables (CSV) it takes none.",
+            "Name the files. In a folder only sessions count, no tables (CSV): name those.",
         )
     inputs, moments = in_order(inputs)
     times = np.arange(len(inputs), dtype=np.float64)
@@ -420,8 +416,7 @@ def compare(
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     advice: str = verdict
     if rivals:
-        homing = Trend.SCATTERING in (verdict, *rivals)
-        advice = "home_repeatedly" if homing else "one_more_session"
+        advice = "home_repeatedly" if Trend.SCATTERING in (verdict, *rivals) else "one_more_session"
     elif any(session.refuted for session in sessions):
         advice = "refuted"
     shapes = []

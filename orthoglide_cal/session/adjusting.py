@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import computed_field
 
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
-from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
+from orthoglide_cal.files.input import ADJUSTMENT, Input, InputFile, adjustments_by
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
@@ -24,7 +24,7 @@ from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.results.answer import InputFile, MachineName
+from orthoglide_cal.results.answer import MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style
@@ -275,9 +275,14 @@ class AdjustingDialogue(Dialogue):
         if key in ("r", "t", "?"):
             self.asker.say(HELP)
         else:
-            if key in ("s", "q") and self._safe:
-                self.asker.say("Tighten what is loose before the drives are on.", Style.BAD)
+            if key == "s":
+                self.warn()
             super()._obey(key, words, step)
+
+    def warn(self) -> None:
+        """Say what comes first where something may be loose."""
+        if self._safe:
+            self.asker.say("\nTighten what is loose before the drives are on.", Style.BAD)
 
 
 def _lines(one: Adjusted, noun: str) -> tuple[str, str]:
@@ -332,7 +337,9 @@ def open_adjustments(
         for number, (setup, phase) in places
     )
     setting = Setting(given.model, steps, following)
-    return AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
+    dialogue = AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
+    opened.callback(dialogue.warn)  # however it is left
+    return dialogue
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:

@@ -68,6 +68,7 @@ def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     assert changed == ["offsets_mm: {x: 0.0, y: 0.0, z: 0.0}"]
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
     (entry,) = history()
+    assert entry.pop("replaced")["offsets_mm"] == "offsets_mm: {x: 0.0, y: 0.0, z: 0.0}\n"
     assert list(entry) == ["date", "before", "after", "data_sha256"]
     assert {key: said[key] for key in entry} == entry
     assert said["machine_file"] == "machine.yaml"
@@ -126,12 +127,10 @@ def test_undo_takes_the_last_entry_back() -> None:
         ("\\A", "\ufeff"),
         ("\\Z", "history: []\n"),
         ("\\Z", "history: []  # none yet"),
-        ("\\Z", "history: ~\n"),
         ("\\Z", "complete: true"),
         ("\\A", "history: []\n# The machine:\n"),
         ("offsets_mm: .*", "offsets_mm: {x: 0, y: +0.000, z: 0.} # now"),
         ("offsets_mm: .*", "offsets_mm:\n  x: 0 # of x\n  y: 0e0\n\n  z:   -0.0\n"),
-        ("offsets_mm: .*", "offsets_mm: {x: '0', y: \"0.00\", z: 0}"),
         ("offsets_mm: .*\n", ""),
     ],
 )

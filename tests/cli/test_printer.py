@@ -183,7 +183,6 @@ def test_what_is_better_is_not_yet_what_was_promised(
     shown = run(*both)
     assert (shown.exit_code, shown.stdout[0]) == (4, "✘"), "mark and exit code are one decision"
     assert said in words(shown.stdout)
-    assert f"it would be {1e3 * compared['rms_reachable_mm']:.0f} µm" in words(shown.stdout)
 
 
 def test_no_better_than_before_is_not_as_promised() -> None:
@@ -245,10 +244,6 @@ def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     (kept,) = yaml.safe_load(Path("known.yaml").read_text())["identified"]
     assert list(kept["parameters"]) == ["a", "b", "c"]
     assert kept["parameters"]["b"]["value"] == pytest.approx(-5.0, abs=0.3)
-    text = Path("known.yaml").read_text()
-    Path("other.yaml").write_text(text.replace("    b: {value", "    y: {value"))
-    back = refused(3, "solve", "belt.csv", "--machine", "other.yaml")
-    assert "encoder_scale has the parameters a, b, c." in back
     std = cause["parameters"][1]["std"]
     said = page("diagnose", "belt.csv", *MACHINE, "--details")
     shown = re.search(r"encoder_scale: a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
@@ -275,15 +270,6 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
     ):  # fmt: skip
         assert said
         assert not foreign.findall(said), said
-
-
-def test_what_is_not_recommended_is_not_accepted() -> None:
-    """Lost motion: a printer's firmware has no setting for it, and belts are tightened."""
-    back = run("diagnose", "lost.csv", *MACHINE, "--accept", "backlash", "--details")
-    assert back.exit_code == 4
-    assert "is not recommended" in back.stdout
-    assert "Making backlash part of the machine's model is not recommended" in back.stderr
-    assert not Path("v400-backlash.yaml").exists()
 
 
 # --- little, nothing, or nothing to change ----------------------------------------------------
@@ -416,7 +402,7 @@ def test_other_data_that_contradict_hold_the_release() -> None:
     for data in ("calibration", "mesh"):
         shown = run("solve", "printer.cfg", "--data", data)
         assert shown.exit_code == 4
-        assert "in the same file contradicts these values beyond U: a by" in words(shown.stdout)
+        assert "contradicts these values beyond U (difference: a" in words(shown.stdout)
     mesh = kept[: kept.index("#*# [delta_calibrate]")] + other[parts[1] :]
     calibration = kept[kept.index("#*# [delta_calibrate]") : parts[0]]
     Path("printer.cfg").write_text(mesh + calibration)

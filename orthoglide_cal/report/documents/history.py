@@ -82,8 +82,7 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
             sections=[shapes, doc.Section("Sessions", table, *notes, expected, further)],
         )
 
-    data = partial(history.model_dump, mode="json", context=says)
-    return doc.Document(data, page, screen)
+    return doc.Document(partial(history.model_dump, mode="json", context=says), page, screen)
 
 
 def _notice(history: History) -> doc.Notice:
@@ -245,5 +244,4 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
     ]
     if np.array_equal(place, other):
         maps.append(figures.bed_map("difference", place, last - first, bed, largest))
-    key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
-    yield doc.Figure(maps, 2, key)
+    yield doc.Figure(maps, 2, f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out.")

@@ -1,10 +1,10 @@
-"""The numbered reports, with lines to sign on: of a calibration, and of its verification.
+"""The numbered report of a calibration, with lines to sign on, and the answer of its verification.
 
-The first sheet is what is pinned to the machine. Of a calibration: may the parameters be entered,
-the parameters with U, each difference as found and as left, what to do, under which conditions that
-holds. Of a result that is refused it says what is wrong, and nothing to sign for an adjustment.
-Behind it stands what that rests on. Of a verification: predicted against measured, and how the
-machine responded; a calibration report shows the same once the adjustment was measured.
+The first sheet is what is pinned to the machine: may the parameters be entered, the parameters with
+U, each difference as found and as left, what to do, under which conditions that holds. Of a result
+that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it stands what
+that rests on. A verification is predicted against measured, and how the machine responded; a report
+shows the same once the adjustment was measured.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +14,7 @@ from functools import partial
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.inference.sessions import Behaviour
@@ -35,7 +35,7 @@ from orthoglide_cal.report.documents.answer import (
 )
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results.answer import Answer, Identity, InputFile, Validity
+from orthoglide_cal.results.answer import Answer, Identity, Validity
 from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -95,7 +95,7 @@ def calibration_document(
 
     def page() -> doc.Page:
         machine, released = case.machine, answer.release.usable or left is not None
-        frame = _signed_page("Calibration report", machine, identity, left or answer)
+        frame = _signed_page(machine, identity, left or answer)
         causes, rivals = _causes(case), [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
@@ -105,9 +105,7 @@ def calibration_document(
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
             measured = _differences_left(left).blocks
-            steps = [*_verification_steps(left)]
-            done = None if steps else "Nothing more to do: keep this report with the machine."
-            sheet = [_parameters_left(left), doc.next_steps(steps, done, *measured)]
+            sheet = [_parameters_left(left), _after_verification(left, *measured)]
         elif released:
             notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
         else:
@@ -154,12 +152,13 @@ def _causes(case: Case) -> list[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
     sections = list[doc.Section]()
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
-    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
+    steps = () if answer.release.usable else answer.release.remedies  # else what to enter
+    advised = " ".join(case.says(remedy.sentence) for remedy in steps)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
-        if figures.moves_rails(cause.id) and answer.shims:
-            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+        if moves := figures.shims(cause.id, cause.parameters):
+            rows = [(rail, f"{plain(mm, 2)} mm", along) for rail, mm, along in moves]
             above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
             blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
         if (remedy := case.says(cause.remedy)).rstrip(".") not in advised:
@@ -214,7 +213,10 @@ def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterat
         f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
         for when, _, mm, worst in views
     ]
-    if after is None:
+    if after:
+        unsure = two_figures(after.after_mm - after.left_mm)
+        lead.append(f"The uncertainty of the offsets left adds up to {unsure} mm.")
+    else:
         source = "All of that comes from uncertainty."
         if causes := " and ".join(cause.id for cause in case.known):
             source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
@@ -282,13 +284,11 @@ def _origin(case: Case, left: Verification | None) -> doc.Section:
 # --- verification -------------------------------------------------------------------------------
 
 
-def verification_document(result: Verification, identity: Identity) -> doc.Document:
-    """The document, for any of the renderers."""
+def verification_document(result: Verification) -> doc.Document:
+    """The answer, all of it as a page."""
 
     def data() -> dict[str, object]:
-        issued = identity.issued.isoformat(timespec="seconds")
-        values = result.model_dump(mode="json", context=_says(result))
-        return {**values, "number": identity.number, "issued": issued}
+        return result.model_dump(mode="json", context=_says(result))
 
     def screen() -> doc.Page:
         parameters = f"Left: {sizes_words(result.after.parameters)}."
@@ -298,9 +298,7 @@ def verification_document(result: Verification, identity: Identity) -> doc.Docum
         # Their title says what the notice above does.
         figure = _left_figure(result)
         differences = [*figure.plain[1:]] if figure else []
-        steps = [*_verification_steps(result, brief=True)]
-        done = None if steps else "Nothing more to do."
-        last = doc.next_steps(steps, done, "More: the same with --details")
+        last = _after_verification(result, "More: the same with --details", brief=True)
 
         def made() -> doc.Page:
             sections = doc.Section(None, *differences), doc.Section(None, parameters), last
@@ -310,19 +308,18 @@ def verification_document(result: Verification, identity: Identity) -> doc.Docum
         return fitting(made, differences)
 
     def page() -> doc.Page:
-        frame = _signed_page(
-            "Verification report", result.inputs[1].model.machine, identity, result
-        )
-        return replace(
-            frame,
-            title=result.machine,
+        return doc.Page(
+            "Verification",
+            result.machine,
+            simulated=result.simulated,
             notice=_verification_notice(result),
-            sheet=(_parameters_left(result), _differences_left(result), *frame.sheet),
             sections=(
+                _parameters_left(result),
+                _differences_left(result),
                 doc.Section("How the machine responded", *_response(result)),
                 doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
+                _after_verification(result, brief=True),
             ),
-            signatures=("Measured by", "Checked by"),
         )
 
     return doc.Document(data, page, screen)
@@ -339,13 +336,11 @@ def _verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    if result.rms_reachable_mm is not None:
-        size = _size(result, result.rms_reachable_mm)
-        lines.append(f"With the parameters found afterwards it would be {size}.")
     done = []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
-        done.append(says(Reason.of(code, id=id, by=by, unit=CAUSES[id].unit)))
+        moves = [(name, size, CAUSES[id].unit) for name, size in by.items()]
+        done.append(says(Reason.of(code, id=id, by=moves)))
     if done:
         lines.append(" ".join(done))
     if result.response and result.answer:
@@ -399,30 +394,30 @@ def _size(result: Verification, size_mm: float) -> str:
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
 
-def _verification_steps(result: Verification, *, brief: bool = False) -> Iterator[doc.Line]:
-    """Next steps after the adjustment was measured.
+def _after_verification(result: Verification, *more: doc.Block, brief: bool = False) -> doc.Section:
+    """Next steps after the adjustment was measured, or that there are none.
 
     `brief` is for a screen, which says the answer above and is no report.
     """
+    steps = [*_verification_steps(result, brief=brief)]
+    done = f"Nothing more to do{': keep this report with the machine' * (not brief)}."
+    return doc.next_steps(steps, None if steps else done, *more)
+
+
+def _verification_steps(result: Verification, *, brief: bool) -> Iterator[doc.Line]:
     before, after = result.before.path, result.after.path
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
+    diagnosed = command("diagnose", after, machine=machine_file)
     if not result.kept:
-        if any(reason.code == "order_as_given" for reason in result.reservations):
-            typed = command("verify", after, before, machine=machine_file)
-            if not brief:
-                typed = command("report", after, machine=machine_file, after=before)
-            yield doc.step(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
-            typed = command("diagnose", after, machine=machine_file)
-            yield doc.step("Find what else changed, or what was wrong before", typed)
+            yield doc.step("Find what else changed, or what was wrong before", diagnosed)
         elif remedy := _remedy(result):
             yield remedy
         yield "Measure again, and compare again"
     elif outcome is Outcome.FAIL:
-        typed = command("diagnose", after, machine=machine_file)
         text = "The offsets are right, but a deviation is beyond the limit: find its cause"
-        yield doc.step(text, typed)
+        yield doc.step(text, diagnosed)
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
@@ -495,13 +490,9 @@ def _parameters_left(result: Verification) -> doc.Section:
     }
     caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
     caption += " the second."
-    note = "What was found was entered."
+    note = None
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
-    elif not any(entered):
-        note = "Nothing was entered."
-    elif other := result.entered_otherwise:
-        note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 
@@ -555,9 +546,7 @@ def _response(result: Verification) -> Iterator[doc.Block]:
 # --- what both have -------------------------------------------------------------------------------
 
 
-def _signed_page(
-    kind: str, machine: Machine, identity: Identity, of: Answer | Verification
-) -> doc.Page:
+def _signed_page(machine: Machine, identity: Identity, of: Answer | Verification) -> doc.Page:
     """The beginning of a numbered page: its subject, and the conditions under which it holds.
 
     Of simulated readings it is no report.
@@ -578,7 +567,7 @@ def _signed_page(
     number = ("Number", doc.code(identity.number))
     issued = ("Issued", moment_words(identity.issued))
     return doc.Page(
-        kind="Practice report" if of.simulated else kind,
+        kind="Practice report" if of.simulated else "Calibration report",
         title=machine.name,
         number=identity.number,
         facts=doc.Facts((*_stated(machine, _OWNER), number, issued)),
@@ -617,7 +606,7 @@ def _circumstances(
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(temperatures) or None,
         "operator": validity.operator and doc.given(validity.operator),
-        "data": (f"{of.readings} {noun}, ", doc.code(of.sha256[:12])),
+        "data": (f"{of.readings} {noun}, ", doc.code(str(of.sha256)[:12])),
     }
     return [(name, rows[name]) for name in rows if name in ("measured", "data", *machine.noted)]
 
