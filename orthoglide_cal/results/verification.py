@@ -55,7 +55,6 @@ from orthoglide_cal.results.making import parameters_of, remainder, validity, wi
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
-AS_FOUND = 1e-3  # firmwares print parameters to this many of their units
 # A promise is that of heights that are less than this share of those before.
 A_PROMISE = 0.95
 
@@ -153,8 +152,6 @@ class Verification(Schema):
     # Of heights: U with which the two agree if all is as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
-    # Of heights: what the parameters found afterwards would leave.
-    rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     # Change of each parameter in between; null: nobody knows.
     entered: dict[str, float | None]
@@ -175,16 +172,6 @@ class Verification(Schema):
         """True if it is not as predicted, or a deviation is beyond the limit."""
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
-
-    @property
-    def entered_otherwise(self) -> list[str]:
-        """Parameters of which something else was entered than what had been found."""
-        return [
-            row.name
-            for row in self.before.parameters
-            if (by := self.entered[row.name]) is not None
-            and abs(by - (row.found or 0.0)) > AS_FOUND
-        ]
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -311,7 +298,6 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
-    reachable, *_ = _mean_square(second, second.measured.value - second.predicted_mm)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -332,7 +318,6 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         rms_promised_mm=promised_mm,
         rms_expanded_mm=most_mm - promised_mm,
         rms_after_mm=after_mm,
-        rms_reachable_mm=math.sqrt(reachable),
     )
 
 

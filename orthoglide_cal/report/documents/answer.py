@@ -11,11 +11,11 @@ from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
+from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, notes_on, weighing
 from orthoglide_cal.model.model import Estimate, Stage
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
@@ -59,6 +59,8 @@ _MOST_DIFFERENCES, _LARGEST_DIFFERENCES = 6, 3  # of more the largest are shown
 _MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
 _MOST_OPEN = 4  # explanations
 _MOST_LIKELY = 3  # of them in the title
+# A source that adds less than this share of every standard deviation has no line of its own.
+_MINOR = 0.1
 # Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
 # Lines of a solution (`measure` has one before it); of a refused one without its parameters'.
@@ -107,7 +109,9 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     enter = release.usable and release.needed
     parameters: list[doc.Block | None] = [_parameters_grid(case, brief=True), *_open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
-    notes = [f"Note: {case.says(warning)}" for warning in _warnings(case)]
+    known = (*release.reasons, *release.cautions)
+    on_data = (note for note in notes_on(case.given.measured) if note not in known)
+    notes = [f"Note: {case.says(note)}" for note in on_data]
     numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
     words = []
     if answer.deviations and not release.settled:
@@ -203,8 +207,8 @@ def evidence(case: Case) -> Iterator[doc.Section]:
         *map(doc.small, (*_notes(case), *_assumptions(case))),
     )
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
-    if answer.total is not None:
-        yield budget_section(case.machine, answer.budget, answer.total)
+    if answer.budget:
+        yield budget_section(case.machine, Budget(answer.budget))
 
 
 # --- the decision -----------------------------------------------------------------------------
@@ -316,7 +320,7 @@ def _shares(answer: Answer) -> str:
 
 def steps_section(case: Case, steps: Iterable[doc.Line]) -> doc.Section:
     """The next steps, and what they do to the height of a nozzle."""
-    moved = (warning for warning in case.answer.warnings if warning.code in NOZZLE)
+    moved = (note for note in case.answer.notes if note.code in NOZZLE)
     return doc.next_steps(steps, *map(case.says, moved))
 
 
@@ -334,11 +338,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
             words, colon, typed = str(error).partition(": orthocal ")
             yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
-    if release.settled:
-        yield from (doc.step(text, case.typed(verb)) for text, verb in case.machine.settled_steps)
-    elif release.usable:
+    if release.usable and release.needed:
         yield from _entering(case, brief)
-    else:
+    elif not release.usable:
         yield from case.remedies(*[RETAKE] * (brief and causes))
     if brief and causes:
         decided = verdict is Verdict.NAMED
@@ -349,9 +351,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
 def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
     yield from case.remedies()
-    if case.answer.release.settled:
-        yield from to_do(case)
-    elif case.answer.release.usable:
+    if case.answer.release.usable and case.answer.release.needed:
         yield doc.step("See what to enter", case.typed("solve"))
 
 
@@ -511,27 +511,24 @@ def _largest_words(case: Case) -> str:
     return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
-def budget_section(
-    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal
-) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter."""
-    unit = machine.common_unit
+def budget_section(machine: Machine, budget: Budget) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter, unless it is negligible."""
+    unit, u, sources = machine.common_unit, budget.std_mm, budget.contributions
+    lines = [line for line in sources if any(line.std > _MINOR * u)]
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
-        if not line.minor:
-            name = source_words(line.source, machine, line.possible)[0]
-            rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
-    if any(total.minor):
-        others = counted(sum(line.minor for line in lines), "other")
-        rows.append((others, "", "", *map(two_figures, total.minor)))
-    rows.append(("together, u", "", "", *map(two_figures, total.std)))
-    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *map(two_figures, total.expanded)))
-    largest = Budget(tuple(lines)).largest
+        name = source_words(line.source, machine, line.possible)[0]
+        rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
+    rows.append(("together, u", "", "", *map(two_figures, u)))
+    expanded = map(two_figures, budget.expanded_mm)
+    rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *expanded))
+    largest = budget.largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
+    text += " Negligible sources are not listed." * (len(lines) < len(sources))
     return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
@@ -681,18 +678,8 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     notes = [note for note in answer.notes if note not in answer.release.cautions]
     if brief:
         notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
-    else:
-        notes += _warnings(case)
     # Those on the nozzle stand under the next steps.
     yield from dict.fromkeys(case.says(note) for note in notes if note.code not in NOZZLE)
-
-
-def _warnings(case: Case) -> list[Reason]:
-    """Remarks about the data that do not stand in the decision."""
-    release = case.answer.release
-    doubts = (reason.data.get("doubt") for reason in release.reasons)
-    known = (*release.reasons, *release.cautions, *doubts)
-    return [warning for warning in case.answer.warnings if warning not in known]
 
 
 def _assumptions(case: Case) -> Iterator[str]:

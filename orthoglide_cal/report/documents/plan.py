@@ -102,7 +102,7 @@ def plan_document(
             where, gives, lacks = (sentence(Reason.of(code, **of)) for code in codes)
             best = doc.Section("The fewest readings", where, (gives, typed), lacks)
             sections += [_ways(plan), best]
-        sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
+        sections += [budget_section(machine, plan.chosen.budget), _separation(plan)]
         return doc.Page(
             kind="Plan",
             simulated=plan.simulated,

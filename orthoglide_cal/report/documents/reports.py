@@ -157,8 +157,8 @@ def _causes(case: Case) -> list[doc.Section]:
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
-        if figures.moves_rails(cause.id) and answer.shims:
-            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+        if moves := figures.shims(cause.id, cause.parameters):
+            rows = [(rail, f"{plain(mm, 2)} mm", along) for rail, mm, along in moves]
             above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
             blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
         if (remedy := case.says(cause.remedy)).rstrip(".") not in advised:
@@ -340,13 +340,11 @@ def _verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    if result.rms_reachable_mm is not None:
-        size = _size(result, result.rms_reachable_mm)
-        lines.append(f"With the parameters found afterwards it would be {size}.")
     done = []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
-        done.append(says(Reason.of(code, id=id, by=by, unit=CAUSES[id].unit)))
+        moves = [(name, size, CAUSES[id].unit) for name, size in by.items()]
+        done.append(says(Reason.of(code, id=id, by=moves)))
     if done:
         lines.append(" ".join(done))
     if result.response and result.answer:
@@ -492,13 +490,9 @@ def _parameters_left(result: Verification) -> doc.Section:
     }
     caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
     caption += " the second."
-    note = "What was found was entered."
+    note = None
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
-    elif not any(entered):
-        note = "Nothing was entered."
-    elif other := result.entered_otherwise:
-        note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 
