@@ -52,11 +52,10 @@ _ALSO = {  # also said of
     "float_type": "number_type",
     "enum": "literal_error",
     "dict_type": "model_type",
-    # Of named tuples, by other releases of pydantic.
+    # Of named tuples, by pydantic before 2.14.
     "missing_argument": "missing",
     "unexpected_keyword_argument": "extra_forbidden",
-    "mapping_type": "model_type",
-    "model_attributes_type": "model_type",
+    "arguments_type": "model_type",
 }
 _QUOTED = re.compile("'([^']*)'")
 _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")

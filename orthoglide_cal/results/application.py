@@ -30,7 +30,8 @@ from orthoglide_cal.files.machine_file import (
     StoredMachine,
     differing,
     new_machine_file,
-    with_history,
+    with_entry,
+    without_entry,
 )
 from orthoglide_cal.files.moonraker import server
 from orthoglide_cal.files.text import check_writable, write_text
@@ -208,7 +209,7 @@ def apply(
         changes = {p.name: p.change(digits) for p in answer.parameters}
         written, data = controller.changed(model, changes, _added_to({}, made), digits)
     entry = entry.changed(written=written)
-    then = with_history(file, entry.after, entry.corrected, *history, entry)
+    then = with_entry(file, entry)
     return Application(
         file, entry, then, False, given, controller, written, data, corrections, tuple(remarks)
     )
@@ -372,7 +373,7 @@ def take_back(
     machine, path = file.model.machine, file.document.path
     if not machine.history:
         raise UsageError(f"{path} records nothing that could be taken back.", "Check the file.")
-    *history, last = machine.history
+    last = machine.history[-1]
     if sha256 is not None and last.data_sha256 != sha256:
         raise UsageError(
             f"The last entry of {path}, of {last.date[:10]}, is from another measurement.",
@@ -398,7 +399,7 @@ def take_back(
         controller = written = None  # the program was killed before it wrote that file
     elif written and controller:
         written, data = controller.restored(written)
-    then = with_history(file, last.before, last.corrected_before, *history)
+    then = without_entry(file)
     remarks = controller.remarks if controller else ()
     return Application(file, last, then, True, None, controller, written, data, (), remarks)
 

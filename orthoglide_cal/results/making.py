@@ -37,7 +37,7 @@ from orthoglide_cal.estimation.solution import (
     rms,
     solve,
 )
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
@@ -62,7 +62,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("refuted", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
     "sensitivity",
 )
 
@@ -95,7 +95,7 @@ def answer_to(
     measured, model = given.measured, given.model
     machine, conditions = model.machine, validity(given)
     known = {
-        "input": schema.InputFile.of(given),
+        "input": InputFile.of(given),
         "machine": schema.MachineName(name=machine.name, kind=machine.kind),
         "validity": conditions,
         "simulated": measured.source.simulated,
@@ -213,7 +213,7 @@ def answer_to(
         ),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
-        inputs=tuple(map(schema.InputFile.of, dates)),
+        inputs=tuple(map(InputFile.of, dates)),
         dates=tuple(_of_dates(diagnosis, dates)),
     )
 
@@ -390,7 +390,6 @@ def _residuals(
         else:
             place = {
                 "cycle": int(measured.cycle[k]),
-                "weight": float(measured.weight[k]),
                 "posture": measured.posture[k] or None,
                 **measured.plan.entry(k),
                 "moved_mm": _number(moved[k]),

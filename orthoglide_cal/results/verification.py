@@ -39,7 +39,7 @@ from orthoglide_cal.estimation.solution import (
     rms,
     table_kind,
 )
-from orthoglide_cal.files.input import Input, require_distinct, require_order
+from orthoglide_cal.files.input import Input, InputFile, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import Parameter
@@ -50,7 +50,7 @@ from orthoglide_cal.model.model import NORMAL_K, Effect, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
-from orthoglide_cal.results.answer import STEP_K, InputFile, Validity
+from orthoglide_cal.results.answer import STEP_K, Validity
 from orthoglide_cal.results.making import parameters_of, remainder, validity, widened
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
@@ -173,12 +173,6 @@ class Verification(Schema):
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
 
-    @property
-    def options(self) -> tuple[object, ...]:
-        """Options that the user chose besides the files."""
-        limit = self.decision and self.decision.limit_mm
-        return ([*self.applied_mm.values()], limit) if self.applied_mm else ()
-
 
 def verify(
     before: Input,
@@ -214,8 +208,6 @@ def verify(
         return _of_touches(before, after, applied_mm)
     if any(heights):
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
-    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if different := differing(before.model, after.model):
         raise UsageError(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
