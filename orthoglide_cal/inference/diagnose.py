@@ -339,18 +339,17 @@ class Diagnosis(Decision):
         answer faults that would not show but matter.
         """
         if self.verdict is Verdict.AMBIGUOUS:
-            unit = self.left_open[0][0] / self.listed[self.best] * self.beyond
-            return (
-                *chain.from_iterable(
-                    fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
-                    for share, fit in self.left_open
-                ),
-                *(
-                    (unit * share, fit)
-                    for share, fit in (() if self.is_nameable else self.patterned_fits)
-                    if self.loss_of_name(self.best, fit.hypothesis)
-                ),
+            placed = (
+                fits_at_places(fit.hypothesis, share, PLACE_COUNTS) for share, fit in self.left_open
             )
+            unit = self.left_open[0][0] / self.listed[self.best]
+            beyond = (
+                (unit * self.unlisted[one.label] * share, replace(fit, hypothesis=one))
+                for one in (() if self.is_nameable else self.beyond_list)
+                if self.loss_of_name(self.best, one)
+                for share, fit in fits_of(one, self.fit_of(one.ids))
+            )
+            return (*chain(*placed), *beyond)
         matter = (self.silent_fits[fault.id] for fault in self.unshown if fault.matters)
         return (*self.left_open, *chain(*matter))
 

@@ -9,8 +9,8 @@ is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -87,7 +87,7 @@ class Fit(ReadOnly):
     uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
     seen: Floats  # what of it shows where it was linearised, shape (k, b) [mm]
     # That it was extended with; of each but more noise the unknowns come behind those of causes.
-    patterns: tuple[tuple[Pattern, Shape], ...] = ()
+    patterns: Mapping[Pattern, Shape] = field(default_factory=dict)
 
     @cached_property
     def offsets(self) -> Floats:

@@ -371,7 +371,7 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
     # What the pattern makes is no local shape.
     draft = draft.with_local_shape()
     draft = draft.with_sigma(draft.by_noise)
-    return replace(draft, patterns=(*fit.patterns, (pattern, shape)))
+    return replace(draft, patterns={**fit.patterns, pattern: shape})
 
 
 def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> Floats:
@@ -449,7 +449,6 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
     shares = np.array([shape.share for shape in last.shapes])
     shares = (shares / shares.sum()).tolist()
     fits = (extended(fit, last, k).with_effects(fit.effects) for k in range(len(shares)))
-    fits = (replace(one, hypothesis=hypothesis) for one in fits)
     return [*zip(shares, fits, strict=True)]
 
 

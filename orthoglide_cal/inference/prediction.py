@@ -76,7 +76,7 @@ def expect(
         columns.append(after.columns[:, :known])
         fresh.append(after.columns[:, known:])
     end = fit.first_uncertain
-    for pattern, shape in reversed(fit.patterns):
+    for pattern, shape in [*fit.patterns.items()][::-1]:
         if pattern.how == "scatters":
             continue
         then, before = under_plan(pattern, shape, plan, mean), shape.columns
