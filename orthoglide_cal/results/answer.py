@@ -150,7 +150,6 @@ class Residual(Schema):
     moved_mm: float | None = Field(
         None, description="since the gauge's reading before; null: the first of its set-up"
     )
-    weight: float = Field(1.0, description="1: as precise as most")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
     with_causes_mm: float | None = Field(
@@ -234,7 +233,6 @@ class Answer(Schema):
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
-    rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")
     beyond_tolerance: tuple[TimesStated, ...] = Field(
         (), description="would explain what is unexplained, far beyond their plausible size"
     )

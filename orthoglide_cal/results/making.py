@@ -62,7 +62,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("refuted", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
     "sensitivity",
 )
 
@@ -390,7 +390,6 @@ def _residuals(
         else:
             place = {
                 "cycle": int(measured.cycle[k]),
-                "weight": float(measured.weight[k]),
                 "posture": measured.posture[k] or None,
                 **measured.plan.entry(k),
                 "moved_mm": _number(moved[k]),

@@ -173,12 +173,6 @@ class Verification(Schema):
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
 
-    @property
-    def options(self) -> tuple[object, ...]:
-        """Options that the user chose besides the files."""
-        limit = self.decision and self.decision.limit_mm
-        return ([*self.applied_mm.values()], limit) if self.applied_mm else ()
-
 
 def verify(
     before: Input,

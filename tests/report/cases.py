@@ -21,13 +21,12 @@ from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.reports import calibration_document, verification_document
 from orthoglide_cal.report.documents.short import check_document, paper_document
-from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.schema import Reason
 from tests.machines import NOMINAL
 from tests.results import cases
-from tests.results.cases import CASES, GAP, GAPED, HOSTILE, ISSUED, case_of, identity_of
+from tests.results.cases import CASES, GAP, GAPED, HOSTILE, case_of, identity_of
 from tests.results.sessions import FINE, TRUE, given, session
 
 
@@ -72,8 +71,7 @@ def verified() -> Document:
     before = given(session(TRUE, 12, FINE), FINE)
     after = given(session(TRUE - TRUE[[1, 0, 2]], 13, GAPED), FINE)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.05)
-    identity = Identity(number="OC-012345-ABCDEF", issued=ISSUED, software="orthocal 0")
-    return verification_document(found, identity)
+    return verification_document(found)
 
 
 @listed

@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.files.input import adjustments_by
-from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
+from orthoglide_cal.inference.result import Explanation, Parameter, Verdict
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, notes_on, weighing
 from orthoglide_cal.model.model import Estimate, Stage
@@ -42,7 +42,6 @@ from orthoglide_cal.words import (
     difference_decimals,
     listed,
     number,
-    percent,
     plain,
     short,
     signed,
@@ -729,5 +728,3 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
     if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
         yield from ((e.id, case.title_of(e.id, len(e.parameters))) for e in answer.causes)
-    if answer.causes and (nothing := nothing_wrong(answer.explanations)) is not None:
-        yield "Sound", f"probability {percent(nothing, 1)} that nothing is wrong at all"
