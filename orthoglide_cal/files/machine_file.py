@@ -29,7 +29,6 @@ from orthoglide_cal.schema import (
     Day,
     Digest,
     Number,
-    Reason,
     Schema,
     Version,
     Word,
@@ -157,7 +156,6 @@ class StoredMachine:
 
     model: Model
     document: FileText
-    remarks: tuple[Reason, ...]  # to know although nothing is wrong
 
 
 def read_machine_file(path: Path | str) -> StoredMachine:
@@ -192,8 +190,7 @@ def machine_file_in(tree: Content) -> StoredMachine:
         tree.add(fault, remedy, line=file.text.count("\n"), column="complete")
     if model is None or tree.problems:
         raise tree.error()
-    missing = () if "identified" in value else (Reason.of("no_identified"),)
-    return StoredMachine(model, file, (*missing, *model.machine.instrument.implausible().values()))
+    return StoredMachine(model, file)
 
 
 def machine_from_text(content: str, path: str) -> Model:
