@@ -206,8 +206,7 @@ def _fields(annotation: object) -> dict[str, object]:
         return {name: field.annotation for name, field in annotation.model_fields.items()}
     if hasattr(annotation, "_fields"):
         return get_type_hints(annotation)
-    parts = (_fields(part).items() for part in get_args(annotation))
-    return dict(chain.from_iterable(parts))
+    return dict(chain.from_iterable(_fields(part).items() for part in get_args(annotation)))
 
 
 # --- YAML ---------------------------------------------------------------------------------------

@@ -370,8 +370,7 @@ def all_or_one(
     columns = columns or [at.columns((cause,)) for cause in causes]
     for cause, derivatives, filled, scaled in zip(causes, columns, others, ones, strict=True):
         end = width + len(cause.names)
-        parts = np.split(derivatives * at.sizes((cause,)), [width, end], axis=1)
-        by_offsets, named, more = parts
+        by_offsets, named, more = np.split(derivatives * at.sizes((cause,)), [width, end], axis=1)
         scaled[:, : named.shape[1]] = named
         filled[:, : always + more.shape[1]] = np.hstack([by_offsets, at.seen, more])
     tried = np.array(list(at.scales))[:, None]

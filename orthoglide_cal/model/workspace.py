@@ -77,8 +77,7 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
     """
     left, jacobian = _corrected(model)
     rows = jacobian.reshape(-1, 3)
-    spread = (rows @ covariance * rows).reshape(len(left), -1).sum(axis=1)
-    return left, left + k * np.sqrt(spread)
+    return left, left + k * np.sqrt((rows @ covariance * rows).reshape(len(left), -1).sum(axis=1))
 
 
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> Workspace:

@@ -42,13 +42,16 @@ from orthoglide_cal.model.model import Estimate, Model
 from orthoglide_cal.results.answer import Answer
 from orthoglide_cal.schema import Reason
 
+# What is fitted is entered with the parameters, whatever its U.
+Left = Literal["", "no_place", "no_origin", "below_u", "fitted"]
+
 
 class Correction(Estimate):
     """A parameter of a cause that acts, and what the controller's file does about it."""
 
     id: str  # of the cause
     gain_mm: float | None  # error of a carriage over its travel that this is; None for others
-    left: Literal["", "no_place", "no_origin", "below_u"]  # why it is not corrected; "" where it is
+    left: Left  # why it is not corrected; "" where it is
 
 
 @dataclass(frozen=True)
@@ -264,6 +267,7 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
     """Faults of the joints, accepted or named, and whether the controller's file corrects them."""
     machine = model.machine
     known = [(effect.cause, size) for effect in model.remaining() for size in model.called(effect)]
+    fitted = {effect.cause.id for effect in model.accepted}.intersection(machine.fixed_parameters)
     if answer.verdict is Verdict.NAMED:
         known += [(CAUSES[c.id], size) for c in answer.causes for size in c.parameters]
     for cause, size in known:
@@ -274,8 +278,9 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
             theta = -cause.correcting(machine, {size.name: size.value}).theta
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
             gain = float(np.ptp(cause.correction(theta, travel, machine.home_mm)))
-        below = "below_u" if abs(size.value) <= size.expanded else ""
-        left = controller.hindrance(cause, machine) or below
+        left: Left = controller.hindrance(cause, machine)
+        if not left and abs(size.value) <= size.expanded:
+            left = "fitted" if cause.id in fitted else "below_u"
         yield Correction(id=cause.id, **dict(size), gain_mm=gain, left=left)
 
 

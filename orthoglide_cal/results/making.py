@@ -573,8 +573,7 @@ def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy
         return Remedy.of("decides", "measure", session, best=following)
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
-    doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
-    ids = (*doubted, *diagnosis.ambiguous_with)
+    ids = (*[cause.id for cause in diagnosis.causes if cause.aliases], *diagnosis.ambiguous_with)
     in_machine = any(CAUSES[id].in_machine for id in ids)
     return Remedy.of("none_decides") if in_machine else Remedy.of("leave_out", ids=ids)
 
@@ -613,6 +612,9 @@ def _named(
         remedies.append(remedy)
         if cause.by_joint and machine.adds_to_joints:
             let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=finding.id)
+            remedies.append(let)
+        elif cause.with_travel or finding.id in machine.fixed_parameters:
+            let = Remedy.of("klipper_corrects", "apply", "--to printer.cfg", id=finding.id)
             remedies.append(let)
         beyond = any(abs(size.value) > size.expanded for size in finding.parameters)
         if cause.adjustable and beyond:

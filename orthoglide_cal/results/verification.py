@@ -285,7 +285,13 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     # A table says nothing of the firmware: with one machine file for both nobody knows.
     if machine != later or stated:
         entered = np.subtract(later.active, machine.active).round(9).tolist()
-    first, second = (_solved(given, given.model)[0] for given in (before, after))
+    keeper, sha256 = before.keeper, before.measured.source.sha256
+    entry = keeper.model.machine.entered_from(sha256) if keeper else None
+    corrected = _more(entry.corrected_before or {}, entry.corrected or {}) if entry else {}
+    # What the firmware corrects since then was wrong, and is promised not to be.
+    wrong = (effect.cause.at(-effect.theta) for effect in correcting(machine, corrected))
+    first = _solved(before, before.model.extended(wrong))[0]
+    second = _solved(after, after.model)[0]
     count, touches = (int(one.problem.plan.touches.sum()) for one in (first, second))
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
@@ -303,6 +309,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
+        corrected=corrected,
         compared=touches,
         kept=kept,
         moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
@@ -328,7 +335,7 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
     noise2 = white2 + float(np.trace(inner)) / count
     # tr(C²) and mᵀCm of C = σ²I + BBᵀ; m is what is more than noise.
     square = count * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
-    share = max(1.0 - noise2 * count / total, 0.0)
+    share = max(1.0 - noise2 * count / total, 0.0) if total else 0.0  # all may be equal
     along = share * (white2 * total + np.sum((left @ columns) ** 2))
     return total / count, math.sqrt(2.0 * square + 4.0 * along) / count, noise2
 

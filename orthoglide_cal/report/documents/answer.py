@@ -713,8 +713,7 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         return
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
     fit += weighing(case.given.measured)
-    always = f"as many {words.many} as readings: they always fit exactly"
-    yield "Fit", fit if lack.dof else always
+    yield "Fit", fit if lack.dof else f"as many {words.many} as readings: they always fit exactly"
     sizes = {
         "repeats": noise.repeats_mm,
         "residuals": noise.residuals_mm,

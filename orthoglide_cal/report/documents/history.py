@@ -244,5 +244,4 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
     ]
     if np.array_equal(place, other):
         maps.append(figures.bed_map("difference", place, last - first, bed, largest))
-    key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
-    yield doc.Figure(maps, 2, key)
+    yield doc.Figure(maps, 2, f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out.")

@@ -297,8 +297,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     for k, (id, sound) in enumerate(plan.trace.items()):
         sizes = [sound, *(sigma[other, id] for other in names[:k])]
         shades = (next((sign for most, sign in _SHADES if size < most), "") for size in sizes)
-        numbers = (str(min(int(size), _MOST_SIGMA) or "") for size in sizes)
-        shown = map(str.__add__, shades, numbers)
+        shown = map(str.__add__, shades, (str(min(int(size), _MOST_SIGMA) or "") for size in sizes))
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
     heads = ("", "–", *letters[: len(names) - 1])
     caption = sentence(Reason.of("distances", most=_MOST_SIGMA))
