@@ -422,10 +422,12 @@ def without_entry(file: StoredMachine) -> StoredMachine:
         if last.replaced is not None and again.document.data == document.data:
             return replace(then, document=replace(then.document, sha256=document.sha256))
     stood = {_ACTIVE: last.before, "corrected": last.corrected_before}
-    groups = [yaml_text({key: dict(group)}) for key, group in stood.items() if group is not None]
+    groups = (yaml_text({key: dict(one)}) for key, one in stood.items() if one is not None)
     raise UsageError(
         f"{document.path} does not hold what the entry of {last.date} left in it.",
-        "Restore it by hand: remove that entry of the history, and write\n" + "".join(groups),
+        "\n".join(
+            ("Restore it by hand: remove that entry, and write what stood before it.", *groups)
+        ),
     )
 
 
