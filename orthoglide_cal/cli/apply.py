@@ -85,7 +85,8 @@ def apply(
     if not entry.changes:
         common.tell(f"{sentence(Reason.of('nothing_to_enter'))} Nothing was changed.")
         return
-    common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
+    controlled = f" and {entry.controller.target}" if entry.controller else ""
+    common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}{controlled}.")
     question = "A LinuxCNC that holds the same offsets runs on this computer. Set them there,"
     if entry.live and agrees(f"{question} too, so that homing again is enough?"):
         entry.set_live()

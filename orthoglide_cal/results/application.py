@@ -345,10 +345,11 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
     source, before = given.measured.source, given.model.machine.active
     _check_same_machine(given.model, file)
     if earlier := machine.entered_from(source.sha256):
+        to = earlier.written and earlier.written.target
         raise UsageError(
-            f"This measurement was applied already, on {earlier.date}.",
+            f"This measurement was applied already, on {earlier.date[:10]}.",
             "Measure again; or take it back, if it was not entered: "
-            + command("apply", source.path, machine=Path(path), options="--undo"),
+            + command("apply", source.path, machine=Path(path), to=to, options="--undo"),
         )
     active, began = given.model.machine.corrected, given.conditions.started
     # A session that says what is active, and began after the last entry, says it as it is.
@@ -380,12 +381,12 @@ def take_back(
     last = machine.history[-1]
     if sha256 is not None and last.data_sha256 != sha256:
         raise UsageError(
-            f"The last entry of {path}, of {last.date}, is from another measurement.",
+            f"The last entry of {path}, of {last.date[:10]}, is from another measurement.",
             "Only the last one can be taken back: leave the measurement out, or name its own.",
         )
     if last.after is not None and machine.active != last.active[1]:
         raise UsageError(
-            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date}.",
+            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date[:10]}.",
             "It was changed by hand: change it back by hand.",
         )
     written, data = last.written, b""

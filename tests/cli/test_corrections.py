@@ -82,8 +82,8 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     assert "Nothing to enter" in words(again.stderr)
     assert (large.read_bytes(), Path("mill.ini").read_bytes()) == before
     # What was measured before it is not entered twice, either.
-    assert "applied already" in refused(2, "apply", "before.csv", "--to", "mill.ini", "--yes")
-    done("apply", "--undo", "--to", "mill.ini", "--yes")
+    assert "mill.ini --undo" in refused(2, "apply", "before.csv", "--to", "mill.ini", "--yes")
+    assert "mill.ini." in run("apply", "--undo", "--to", "mill.ini", "--yes").stderr
     assert Path("mill.ini").read_text() == INI
     assert not list(Path().glob("*.comp"))
     assert large.read_text() == unchanged

@@ -62,8 +62,7 @@ _MOST_LIKELY = 3  # of them in the title
 _MINOR = 0.1
 # Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
-# Lines of a solution: `measure` says before them where it has written, and after them what a
-# simulation hid. Of a refused one, in addition to those of its parameters.
+# Lines of a solution (`measure` has one before it); of a refused one without its parameters'.
 _SOLVED, _REFUSED = 23, 17
 
 

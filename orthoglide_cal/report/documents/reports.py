@@ -403,17 +403,16 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
     before, after = result.before.path, result.after.path
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
+    diagnosed = command("diagnose", after, machine=machine_file)
     if not result.kept:
         if result.answer is Behaviour.AS_MODELLED:
-            typed = command("diagnose", after, machine=machine_file)
-            yield doc.step("Find what else changed, or what was wrong before", typed)
+            yield doc.step("Find what else changed, or what was wrong before", diagnosed)
         elif remedy := _remedy(result):
             yield remedy
         yield "Measure again, and compare again"
     elif outcome is Outcome.FAIL:
-        typed = command("diagnose", after, machine=machine_file)
         text = "The offsets are right, but a deviation is beyond the limit: find its cause"
-        yield doc.step(text, typed)
+        yield doc.step(text, diagnosed)
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
