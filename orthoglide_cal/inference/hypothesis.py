@@ -163,7 +163,7 @@ class Hypothesis:
 
     @cached_property
     def added(self) -> Floats:
-        """What an extra of known size adds to the data, shape (k,) [mm]."""
+        """Effect of an extra of known size on the data, shape (k,) [mm]."""
         extra = self.extra
         if extra is None or not extra.theta.size:
             return read_only(np.zeros(len(self.at.white)))
