@@ -41,10 +41,10 @@ from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
+    WORTH_SAYING,
     NextMeasurement,
     Parameter,
     Verdict,
-    nothing_wrong,
 )
 from orthoglide_cal.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.model.machine import OwnGauge
@@ -535,7 +535,7 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
     """Not released; what is wrong in any case comes first, then what decides."""
     ids = [cause.id for cause in diagnosis.causes]
-    sound = nothing_wrong(diagnosis.explanations) is not None
+    sound = any(e.sound and e.probability >= WORTH_SAYING for e in diagnosis.explanations)
     reasons = [Reason.of("undecided", answers=(ids, *diagnosis.rivals), sound=sound)]
     left_open = (set(fit.ids) for _, fit in diagnosis.left_open)
     sure = set() if sound else set.intersection(*left_open)
