@@ -75,7 +75,7 @@ class Contribution(Schema):
     @computed_field(description="what it adds to each parameter's std")
     @property
     def std(self) -> tuple[float, ...]:
-        return tuple(np.sqrt(np.maximum(np.diag(self.covariance_mm2), 0.0)).tolist())
+        return tuple(np.sqrt(np.maximum(self.covariance_mm2.diagonal(), 0.0)).tolist())
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Budget:
     @property
     def std_mm(self) -> Floats:
         """Combined standard uncertainties u, shape (3,) [mm]."""
-        return np.sqrt(np.diag(self.covariance_mm2))
+        return np.sqrt(self.covariance_mm2.diagonal())
 
     @cached_property
     def dof(self) -> float:
@@ -225,7 +225,8 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
     in any case. Arguments as of `influences`.
     """
-    return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
+    fixed = model.machine.fixed_parameters
+    return tuple(plausible_causes(fixed, model, offsets, plan)[1]) if fixed else ()
 
 
 def plausible_causes(

@@ -581,7 +581,7 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
 
 def rms(values: Floats) -> float:
     """Root mean square, in the unit of the values."""
-    return float(np.sqrt(np.mean(values**2)))
+    return math.sqrt(np.vdot(values, values) / values.size)
 
 
 def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
@@ -655,7 +655,7 @@ class Solution(OffsetEstimate):
         """Root mean square with zero offsets: of differences themselves, as in Table 4."""
         if isinstance(self.measured, Differences):
             return rms(self.data)
-        return self.at(0.0 * self.offsets_mm).rms_after_mm
+        return replace(self, offsets_mm=0.0 * self.offsets_mm).rms_after_mm
 
     @property
     def rms_after_mm(self) -> float:

@@ -461,7 +461,7 @@ class Linearised(ReadOnly):
 
     def columns(self, base: Sequence[Cause]) -> Floats:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
-        return np.hstack([self.jacobian, *(self.jacobians[cause.id] for cause in base)])
+        return np.concatenate([self.jacobian, *(self.jacobians[cause.id] for cause in base)], 1)
 
     @cached_property
     def _stds(self) -> Mapping[str, Sequence[Floats]]:

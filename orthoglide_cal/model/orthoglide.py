@@ -19,7 +19,14 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UsageError, command
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
-from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
+from orthoglide_cal.model.kinematics import (
+    Command,
+    GaugeResponse,
+    Geometry,
+    Points,
+    RealMachine,
+    batch_first,
+)
 from orthoglide_cal.model.machine import (
     HOMING_MM,
     Influence,
@@ -299,16 +306,15 @@ class Orthoglide(Machine):
         return Suspicion(fault, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
-        """Where the carriages are sent; raises PostureError for a posture out of reach."""
         return _command(self, plan)
 
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: GaugePlan, strict: bool
     ) -> GaugeResponse:
-        command = self.command(plan)
+        command, rows = self.command(plan), _ALL
         if real.still:
-            # Readings at one posture share their moment.
-            first, moment = plan.moments
+            # Readings at one posture share their moment, and repeats all.
+            (first, moment), rows = plan.moments, plan.distinct
             joints: Numbers = command.sent[first] + parameters[..., None, :]
         else:
             joints, moment = real.joints(command, parameters), np.arange(len(plan))
@@ -316,7 +322,8 @@ class Orthoglide(Machine):
         # with what was entered then.
         stood, which = plan.set_up_moments
         set_up = command.home - stood + parameters[..., None, :]
-        set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
+        if set_up.ndim < joints.ndim:
+            set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
         moments = moment, joints.shape[-2] + which
         joints = np.concatenate((joints, set_up), axis=-2)
         try:
@@ -329,8 +336,7 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        readings, where, jacobian = _touched(points, plan, *moments)
-        return readings, where, jacobian if real.still else None
+        return _touched(points, plan, *moments, *rows)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -380,6 +386,10 @@ class Orthoglide(Machine):
             yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
 
 
+# Every reading, and each one's own: as of `GaugePlan.distinct`.
+_ALL: tuple[Ints | slice, Ints | slice] = (slice(None), slice(None))
+
+
 @functools.lru_cache(maxsize=16)
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
@@ -387,17 +397,27 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
 
 
-def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> GaugeResponse:
+def _touched(
+    points: Points,
+    plan: GaugePlan,
+    moment: Ints,
+    set_up: Ints,
+    rows: Ints | slice,
+    kind: Ints | slice,
+) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
-    When each reading was taken and when its gauge was set up are moments of the points, (n,).
-    Its derivative is in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction =
-    (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place,
-    because fresh memory for such long arrays costs more than the arithmetic.
+    When each reading was taken and when its gauge was set up are moments of the points, (n,); only
+    the offsets move the latter. `rows` and `kind` are as of `GaugePlan.distinct`. The derivative is
+    in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place −
+    d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place: fresh memory
+    for such long arrays costs more than the arithmetic.
     """
-    leg, direction = plan.leg, plan.direction
+    leg, direction, moment, set_up = (
+        values[rows] for values in (plan.leg, plan.direction, moment, set_up)
+    )
     column = (-1, *[1] * (points.tool.ndim - 2))
-    gauge_at, contact = plan.gauge_at.reshape(column), plan.contact.reshape(column)
+    gauge_at, contact = (values[rows].reshape(column) for values in (plan.gauge_at, plan.contact))
     fixed = contact == Contact.FIXED
     carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
     # The gauge's place along the leg's axis, and the point of the leg that it now touches.
@@ -409,24 +429,28 @@ def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> Gau
     if not plan.fixed:
         fraction = np.where(fixed, fraction, contact == Contact.TOOL)
 
-    def derivative() -> Floats:
-        tool_by_joint = points.tool_derivative
+    def derivative(by_joints: Floats | None) -> Floats:
+        tool_by_joint, every = points.tool_derivative, np.arange(len(leg))
+        along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
         turn = fixed * across / span
         jacobian = tool_by_joint[direction, :, moment]
         jacobian *= fraction[:, None]
         part = tool_by_joint[leg, :, moment]
         part *= (turn * fraction)[:, None]
         jacobian -= part
+        jacobian[every, leg] += (1.0 - fraction) * (sideways - turn * along)
         part[...] = tool_by_joint[leg, :, set_up]
         part *= (turn * gauge_at)[:, None]
-        jacobian += part
-        along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
-        jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * along
-        jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-        return np.moveaxis(jacobian, (0, 1), (-2, -1))
+        part[every, leg] += turn * (1.0 - gauge_at) * along
+        if by_joints is None:
+            return batch_first(np.add(jacobian, part, out=part)[kind], 2)
+        jacobian, part = batch_first(jacobian, 2), batch_first(part, 2)
+        moved = (jacobian[..., None, :] @ by_joints)[..., 0, :]
+        moved[..., : part.shape[-1]] += part
+        return np.asarray(moved)
 
-    heights = np.moveaxis(side + fraction * across, 0, -1)
-    return heights, np.moveaxis(fraction, 0, -1), derivative
+    heights = side + fraction * across
+    return batch_first(heights[kind], 1), batch_first(fraction[kind], 1), derivative
 
 
 # --- protocols -----------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
 from orthoglide_cal.errors import PostureError, UsageError
-from orthoglide_cal.model.kinematics import Command, Points
+from orthoglide_cal.model.kinematics import Command, Points, batch_first
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
 from orthoglide_cal.schema import Schema
@@ -62,7 +62,7 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
     """With all offsets entered: how far the tool is off (n,) [mm], and its derivative (n, 3, 3)."""
     points, indicated = _grid(model, SAMPLES)
     reached = Points.of(model.real.geometry, _standing(model, indicated, np.zeros(3)), strict=True)
-    jacobian = np.moveaxis(reached.tool_derivative, (0, 1), (-2, -1))
+    jacobian = batch_first(reached.tool_derivative, 2)
     if not np.isfinite(jacobian).all():
         fault = "The three legs lie in one plane: the machine is singular at a posture."
         raise PostureError(fault, "Choose a smaller workspace.")
