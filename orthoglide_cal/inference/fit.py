@@ -35,7 +35,7 @@ from orthoglide_cal.inference.hypothesis import (
 from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
-from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, altered, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
@@ -127,13 +127,7 @@ class Fit(ReadOnly):
         shares = np.exp(by_noise - log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
         covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
-        return self._judged(sigma=sigma, covariance=read_only(covariance))
-
-    def _judged(self, **numbers: object) -> Fit:
-        """The same with other numbers on which nothing that is worked out of it depends."""
-        other = object.__new__(Fit)
-        vars(other).update(vars(self) | numbers)
-        return other
+        return altered(self, sigma=sigma, covariance=read_only(covariance))
 
     @property
     def offsets_covariance(self) -> Floats:
@@ -420,7 +414,7 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
         log_evidence = -math.inf
     log_evidence += bounds
-    return fit._judged(log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
+    return altered(fit, log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
 
 
 @dataclass(frozen=True)

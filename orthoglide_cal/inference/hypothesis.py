@@ -132,7 +132,7 @@ class Hypothesis:
     # cause explains, and its size goes into the uncertainty.
     patterns: tuple[Pattern, ...] = ()
 
-    @cached_property
+    @property
     def ids(self) -> Ids:
         """Its listed causes, sorted."""
         return ids_of(*self.base, *((self.extra.cause,) if self.extra else ()))
@@ -140,8 +140,8 @@ class Hypothesis:
     @cached_property
     def log_prior(self) -> float:
         """ln prior weight."""
-        listed = self.at.candidates.log_prior[self.ids] if self.ids or not self.patterns else 0.0
-        return listed + sum(pattern.log_prior for pattern in self.patterns)
+        listed, ids = sum(pattern.log_prior for pattern in self.patterns), self.ids
+        return listed if self.patterns and not ids else self.at.candidates.log_prior[ids] + listed
 
     @property
     def log_weight(self) -> float:

@@ -42,7 +42,7 @@ class Geometry(ReadOnly):
         Errors, and what `strict` means, as of `trilaterate`.
         """
         tool = Points.of(self, joints[..., None, :], strict).tool
-        return np.asarray(batch_first(tool, 1)[0])
+        return np.asarray(Points.batch_first(tool, 1)[0])
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
@@ -136,6 +136,11 @@ class Points(NamedTuple):
         centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
         return cls(directions, centres, trilaterate(centres, lengths, strict))
 
+    @staticmethod
+    def batch_first(values: Numbers, axes: int) -> Numbers:
+        """Move the first `axes` axes behind the batch: the inverse of `components`."""
+        return values.transpose(*range(axes, values.ndim), *range(axes))
+
     @property
     def tool_derivative(self) -> Numbers:
         """Jacobian ∂p/∂q (eq. 5 inverted), shape (3, 3, m, ...); NaN where it is singular.
@@ -161,11 +166,6 @@ def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     moved = values.transpose(*range(leading, values.ndim), *range(leading)).copy()
     missing = 0 if batch is None else batch - leading
     return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
-
-
-def batch_first(values: Numbers, axes: int) -> Numbers:
-    """Move the first `axes` axes behind the batch: the inverse of `components`."""
-    return values.transpose(*range(axes, values.ndim), *range(axes))
 
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:

@@ -19,14 +19,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UsageError, command
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
-from orthoglide_cal.model.kinematics import (
-    Command,
-    GaugeResponse,
-    Geometry,
-    Points,
-    RealMachine,
-    batch_first,
-)
+from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
 from orthoglide_cal.model.machine import (
     HOMING_MM,
     Influence,
@@ -197,7 +190,7 @@ class Orthoglide(Machine):
     @property
     def nominal_rails(self) -> Geometry:
         """Orthogonal rails that meet in the origin, equal legs (modelling assumption iv)."""
-        return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, self.leg_length_mm))
+        return _rails(self.leg_length_mm)
 
     @property
     def home_mm(self) -> float:
@@ -311,18 +304,19 @@ class Orthoglide(Machine):
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: GaugePlan, strict: bool
     ) -> GaugeResponse:
-        command, rows = self.command(plan), _ALL
+        command = self.command(plan)
         if real.still:
             # Readings at one posture share their moment, and repeats all.
-            (first, moment), rows = plan.moments, plan.distinct
+            (first, moment), distinct = plan.moments, plan.distinct
             joints: Numbers = command.sent[first] + parameters[..., None, :]
         else:
             joints, moment = real.joints(command, parameters), np.arange(len(plan))
+            distinct = moment, moment
         # Behind them where the carriages stood when gauges were set up: at the isotropic posture,
         # with what was entered then.
         stood, which = plan.set_up_moments
         set_up = command.home - stood + parameters[..., None, :]
-        if set_up.ndim < joints.ndim:
+        if set_up.shape[:-2] != joints.shape[:-2]:
             set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
         moments = moment, joints.shape[-2] + which
         joints = np.concatenate((joints, set_up), axis=-2)
@@ -336,7 +330,7 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        return _touched(points, plan, *moments, *rows)
+        return _touched(points, plan, moments, distinct)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -386,8 +380,9 @@ class Orthoglide(Machine):
             yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
 
 
-# Every reading, and each one's own: as of `GaugePlan.distinct`.
-_ALL: tuple[Ints | slice, Ints | slice] = (slice(None), slice(None))
+@functools.lru_cache(maxsize=16)
+def _rails(leg_mm: float) -> Geometry:
+    return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, leg_mm))
 
 
 @functools.lru_cache(maxsize=16)
@@ -398,24 +393,18 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
 
 
 def _touched(
-    points: Points,
-    plan: GaugePlan,
-    moment: Ints,
-    set_up: Ints,
-    rows: Ints | slice,
-    kind: Ints | slice,
+    points: Points, plan: GaugePlan, moments: tuple[Ints, Ints], distinct: tuple[Ints, Ints]
 ) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
-    When each reading was taken and when its gauge was set up are moments of the points, (n,); only
-    the offsets move the latter. `rows` and `kind` are as of `GaugePlan.distinct`. The derivative is
-    in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place −
-    d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place: fresh memory
-    for such long arrays costs more than the arithmetic.
+    When each reading was taken and when its gauge was set up are moments of the points, each (n,);
+    only the offsets move the latter. `distinct` is as of the plan. The derivative is in closed
+    form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place − d carriage −
+    fraction·d span)/span, zero where the gauge is not fixed. In place: fresh memory for such long
+    arrays costs more than the arithmetic.
     """
-    leg, direction, moment, set_up = (
-        values[rows] for values in (plan.leg, plan.direction, moment, set_up)
-    )
+    rows, kind = distinct
+    leg, direction, moment, set_up = (v[rows] for v in (plan.leg, plan.direction, *moments))
     column = (-1, *[1] * (points.tool.ndim - 2))
     gauge_at, contact = (values[rows].reshape(column) for values in (plan.gauge_at, plan.contact))
     fixed = contact == Contact.FIXED
@@ -443,14 +432,14 @@ def _touched(
         part *= (turn * gauge_at)[:, None]
         part[every, leg] += turn * (1.0 - gauge_at) * along
         if by_joints is None:
-            return batch_first(np.add(jacobian, part, out=part)[kind], 2)
-        jacobian, part = batch_first(jacobian, 2), batch_first(part, 2)
+            return Points.batch_first(np.add(jacobian, part, out=part)[kind], 2)
+        jacobian, part = Points.batch_first(jacobian, 2), Points.batch_first(part, 2)
         moved = (jacobian[..., None, :] @ by_joints)[..., 0, :]
         moved[..., : part.shape[-1]] += part
         return np.asarray(moved)
 
     heights = side + fraction * across
-    return batch_first(heights[kind], 1), batch_first(fraction[kind], 1), derivative
+    return Points.batch_first(heights[kind], 1), Points.batch_first(fraction[kind], 1), derivative
 
 
 # --- protocols -----------------------------------------------------------------------------
