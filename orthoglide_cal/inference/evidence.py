@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -22,7 +23,7 @@ import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.estimation.solution import Contrasts, Reduction
-from orthoglide_cal.model.plan import Floats, Ints, Patterns, ReadOnly, altered, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Patterns, ReadOnly, read_only
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.10
@@ -211,8 +212,7 @@ class Gaussian:
         for ratio, rows in noise.by_ratio:
             general, more, log_texture = texture.precision(ratio)
             weighted, variance = np.swapaxes(along, -1, -2) * more, noise.sigma[rows, None] ** 2
-            inner = general * gram + weighted @ along if more.size else gram
-            scaled = sizes[..., :, None] * inner[..., None, :, :]
+            scaled = sizes[..., :, None] * (general * gram + weighted @ along)[..., None, :, :]
             size2, axes = np.linalg.eigh(scaled * sizes[..., None, :])
             size2 = np.where(size2 > _ROUNDING * size2[..., -1:], size2, 0.0)[..., None, :]
             stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=size2 > 0.0)
@@ -227,15 +227,14 @@ class Gaussian:
 
     def at_sizes(self, some: slice, log_share: Floats) -> Gaussian:
         """The same at some of the sizes only, with other prior shares."""
-        by_ratio, by_size = (
-            [
-                one._replace(turn=one.turn[..., some, :, :], shrink=one.shrink[..., some, :, :])
-                for one in self._by_ratio
-            ],
-            self._by_size[..., some, :],
-        )
-        log_share = log_share[:, None] + by_size
-        return altered(self, _by_ratio=by_ratio, _by_size=by_size, _log_share=log_share)
+        other = copy(self)
+        other._by_ratio = [
+            one._replace(turn=one.turn[..., some, :, :], shrink=one.shrink[..., some, :, :])
+            for one in self._by_ratio
+        ]
+        other._by_size = self._by_size[..., some, :]
+        other._log_share = log_share[:, None] + other._by_size
+        return other
 
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of columns (..., k, q) with each σ's weight, (..., s, g, q); without constant."""
@@ -268,12 +267,11 @@ class Gaussian:
         """cᵀ S⁻¹ v of columns c with as many others v, or one, (..., s, g, q); of cᵀ v (..., q)."""
         shape = self._log_share.shape
         weighed = [np.empty((*shape, plain.shape[-1])) for plain, _ in others]
+        across = [columns.along * other.along for _, other in others]
         for one in self._by_ratio:
             turned = one.turned(columns)
-            for filled, (plain, other) in zip(weighed, others, strict=True):
+            for filled, along, (plain, other) in zip(weighed, across, others, strict=True):
                 taken = one.shrink @ (turned * (turned if other is columns else one.turned(other)))
-                if one.more.size:
-                    plain = one.general * plain + one.more @ (columns.along * other.along)
-                left = plain[..., None, None, :] / one.variance
+                left = (one.general * plain + one.more @ along)[..., None, None, :] / one.variance
                 filled[..., one.rows, :] = np.subtract(left, taken, out=taken)
         return weighed

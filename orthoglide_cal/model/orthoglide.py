@@ -190,7 +190,7 @@ class Orthoglide(Machine):
     @property
     def nominal_rails(self) -> Geometry:
         """Orthogonal rails that meet in the origin, equal legs (modelling assumption iv)."""
-        return _rails(self.leg_length_mm)
+        return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, self.leg_length_mm))
 
     @property
     def home_mm(self) -> float:
@@ -306,12 +306,11 @@ class Orthoglide(Machine):
     ) -> GaugeResponse:
         command = self.command(plan)
         if real.still:
-            # Readings at one posture share their moment, and repeats all.
-            (first, moment), distinct = plan.moments, plan.distinct
+            # Readings at one posture share their moment.
+            first, moment = plan.moments
             joints: Numbers = command.sent[first] + parameters[..., None, :]
         else:
             joints, moment = real.joints(command, parameters), np.arange(len(plan))
-            distinct = moment, moment
         # Behind them where the carriages stood when gauges were set up: at the isotropic posture,
         # with what was entered then.
         stood, which = plan.set_up_moments
@@ -330,7 +329,7 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        return _touched(points, plan, moments, distinct)
+        return _touched(points, plan, *moments)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -381,32 +380,23 @@ class Orthoglide(Machine):
 
 
 @functools.lru_cache(maxsize=16)
-def _rails(leg_mm: float) -> Geometry:
-    return Geometry(np.zeros((3, 3)), np.eye(3), np.full(3, leg_mm))
-
-
-@functools.lru_cache(maxsize=16)
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
     approach = Command.approach_of(joints - plan.entered, plan.in_time)
     return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
 
 
-def _touched(
-    points: Points, plan: GaugePlan, moments: tuple[Ints, Ints], distinct: tuple[Ints, Ints]
-) -> GaugeResponse:
+def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
-    When each reading was taken and when its gauge was set up are moments of the points, each (n,);
-    only the offsets move the latter. `distinct` is as of the plan. The derivative is in closed
-    form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction = (d place − d carriage −
-    fraction·d span)/span, zero where the gauge is not fixed. In place: fresh memory for such long
-    arrays costs more than the arithmetic.
+    When each reading was taken and when its gauge was set up are moments of the points, (n,); only
+    the offsets move the latter. The derivative is in closed form: d carriage = u_i dq_i, d tool =
+    (∂p/∂q) dq, and d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge
+    is not fixed. In place: fresh memory for such long arrays costs more than the arithmetic.
     """
-    rows, kind = distinct
-    leg, direction, moment, set_up = (v[rows] for v in (plan.leg, plan.direction, *moments))
+    leg, direction = plan.leg, plan.direction
     column = (-1, *[1] * (points.tool.ndim - 2))
-    gauge_at, contact = (values[rows].reshape(column) for values in (plan.gauge_at, plan.contact))
+    gauge_at, contact = plan.gauge_at.reshape(column), plan.contact.reshape(column)
     fixed = contact == Contact.FIXED
     carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
     # The gauge's place along the leg's axis, and the point of the leg that it now touches.
@@ -432,14 +422,14 @@ def _touched(
         part *= (turn * gauge_at)[:, None]
         part[every, leg] += turn * (1.0 - gauge_at) * along
         if by_joints is None:
-            return Points.batch_first(np.add(jacobian, part, out=part)[kind], 2)
+            return Points.batch_first(np.add(jacobian, part, out=part), 2)
         jacobian, part = Points.batch_first(jacobian, 2), Points.batch_first(part, 2)
         moved = (jacobian[..., None, :] @ by_joints)[..., 0, :]
         moved[..., : part.shape[-1]] += part
         return np.asarray(moved)
 
     heights = side + fraction * across
-    return Points.batch_first(heights[kind], 1), Points.batch_first(fraction[kind], 1), derivative
+    return Points.batch_first(heights, 1), Points.batch_first(fraction, 1), derivative
 
 
 # --- protocols -----------------------------------------------------------------------------

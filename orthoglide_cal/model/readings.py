@@ -130,12 +130,6 @@ class GaugePlan(Plan):
         stood, which = np.unique(self.stood, axis=0, return_inverse=True)
         return read_only(stood), read_only(which.reshape(-1), np.intp)
 
-    @of_steps
-    def distinct(self) -> tuple[Ints, Ints]:
-        """Readings that differ in what is touched: one of each, (m,), and each reading's, (n,)."""
-        moments = self.moments[1], self.set_up_moments[1]
-        return alike(self.leg, self.direction, self.contact, self.gauge_at, *moments)
-
     @cached_property
     def state(self) -> tuple[Floats, ...]:
         """Further keys in which repeats must agree, each (n,); () where all do."""
