@@ -38,7 +38,7 @@ def adjust(
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
         if HOME_SWITCH.usual(known) is None:
-            fault = "Its firmware holds the endstops as numbers: no switch is moved."
+            fault = "The printer's firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         common.judged(given, diagnosed=diagnosis).require_usable()
     id, adjustments = choose_adjustments(diagnosis, cause, machine)

@@ -69,8 +69,7 @@ class _Commands(TyperGroup):
             # What the library refuses, in its words, is told as all else is.
             error.message = error.message.removeprefix("Value error, ")
             help = " ".join(filter(None, ("orthocal", ctx.invoked_subcommand, "--help")))
-            fault = UsageError(f"{error.format_message()}\nHelp: {help}")
-            common.tell_error(fault, None, as_json)
+            common.tell_error(UsageError(f"{error.format_message()}\nHelp: {help}"), None, as_json)
             raise typer.Exit(UsageError.exit_code) from error
         except BrokenPipeError:
             leave_closed(sys.stdout)

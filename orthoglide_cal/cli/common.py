@@ -108,7 +108,7 @@ def option(
                     first = (next(u for u in units if units[u] == size) for size in sizes)
                     known = ", ".join(first) or "none"
                     raise InputError("This unit is not known.", f"Known here: {known}.", value=text)
-                value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)
+                value = round(parse_number(digits, decimal_comma=True) * units.get(unit, 1.0), 12)
             if not low <= value <= high:
                 limits = f"Give a number from {low:g} to {high:g}."
                 raise InputError("The number is too large or too small.", limits, value=text)

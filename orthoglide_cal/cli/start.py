@@ -57,11 +57,10 @@ def start() -> None:
         state, steps = [], [doc.step(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
         name = str(path.with_suffix(".yaml"))
-        if path not in begun:
-            typed = command("measure", name, options="--resume")
-            steps.append(doc.step("Continue the practice", typed))
-        given_up = command("measure", name, options="--discard")
-        steps.append(doc.step("Or give it up", given_up))
+        if path not in begun[:1]:  # the first to be continued is there
+            continued = "Continue the practice" if path in practices else "Continue measuring"
+            steps.append(doc.step(continued, command("measure", name, options="--resume")))
+        steps.append(doc.step("Or give it up", command("measure", name, options="--discard")))
     if sum(path.suffix != ".csv" for path in sessions) > 1 and not (waiting or to):
         steps.append(doc.step("Check whether the machine has changed", "orthocal history ."))
     page = doc.Page(
@@ -101,8 +100,7 @@ def _next(
     entered = (p for p in reversed(paths) if entry and read_document(p).sha256 == entry.data_sha256)
     applied = next(entered, None)
     if to and file:
-        of = applied or "SESSION"
-        write = step("Write it", command("apply", of, to=to))
+        write = step("Write it", command("apply", applied or "SESSION", to=to))
         undo = step("Or take it back", command("apply", options="--undo", to=to))
         changed = f"{file.document.path} records a change of {to}, which was not written."
         return [changed], [write, undo]

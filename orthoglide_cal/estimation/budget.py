@@ -25,9 +25,6 @@ from orthoglide_cal.model.plan import Floats, Plan, read_only
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
-# What adds less than this share of every standard deviation is summed up in one line.
-MINOR = 0.1
-
 
 @dataclass(frozen=True)
 class Scatter:
@@ -56,7 +53,6 @@ class Contribution(Schema):
     # Degrees of freedom of its size; infinite for type B.
     dof: float = Field(math.inf, exclude=True, allow_inf_nan=True)
     possible: bool = Field(False, description="may be there or not")
-    minor: bool = Field(False, description="too small for a line of its own on a page")
 
     @classmethod
     def of(
@@ -248,28 +244,3 @@ def plausible_causes(
         for cause, derivatives in zip(causes, jacobians, strict=True)
     ]
     return readings, hidden
-
-
-class BudgetTotal(Schema):
-    """Sums of the sources of the budget."""
-
-    minor: tuple[float, ...] = Field(description="the minor ones; empty without any")
-    std: tuple[float, ...]
-    expanded: tuple[float, ...]
-    k: float
-
-
-def budget_lines(budget: Budget) -> tuple[tuple[Contribution, ...], BudgetTotal]:
-    """Every source of an uncertainty, and what they add together."""
-    lines = tuple(
-        part.changed(minor=bool(np.all(part.std <= MINOR * budget.std_mm)))
-        for part in budget.contributions
-    )
-    rest = [np.square(line.std) for line in lines if line.minor]
-    total = BudgetTotal(
-        minor=tuple(np.sqrt(sum(rest)).tolist()) if rest else (),
-        std=tuple(budget.std_mm.tolist()),
-        expanded=tuple(budget.expanded_mm.tolist()),
-        k=budget.k,
-    )
-    return lines, total

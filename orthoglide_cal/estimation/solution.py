@@ -55,13 +55,12 @@ from orthoglide_cal.model.measured import (
     Differences,
     Measured,
     Readings,
-    notes_on,
 )
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Bools, Floats, Numbers, Plan, ReadOnly, altered, read_only
 from orthoglide_cal.model.readings import Posture
-from orthoglide_cal.schema import Reason, Schema
+from orthoglide_cal.schema import Schema
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
@@ -366,13 +365,6 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
 
 # --- methods --------------------------------------------------------------------------------------
 
-DESCRIPTIONS = {
-    DataKind.READINGS: "raw readings",
-    DataKind.SIX: "six differences (max − min)",
-    DataKind.TWELVE: "twelve differences (relative to iso)",
-    DataKind.SINGLE: "single-posture differences",
-}
-
 
 class Method(StrEnum):
     """An estimator, by the name that users know."""
@@ -422,7 +414,7 @@ def choose_method(measured: Measured, name: str | None) -> Method:
     usable = [method for method in Method if method.uses in measured.kinds]
     if name not in usable:
         raise UsageError(
-            f"Method {name} cannot use {DESCRIPTIONS[measured.kind]}.",
+            f"Method {name} cannot use data of the kind {measured.kind}.",
             f"Choose one of {', '.join(usable)}.",
         )
     return Method(name)
@@ -682,15 +674,6 @@ class Solution(OffsetEstimate):
         """The same model at other offsets, shape (3,) [mm], with what they leave."""
         left = self.data - self.problem.predict(offsets)
         return replace(self, offsets_mm=offsets, residuals_mm=left)
-
-    @property
-    def warnings(self) -> tuple[Reason, ...]:
-        """Remarks on the data."""
-        gauge, scatter = self.model.machine.instrument, self.scatter
-        remarks = (*gauge.doubts(self.measured), *notes_on(self.measured))
-        if scatter is None or scatter.sigma_mm >= gauge.rounding_mm:
-            return remarks
-        return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
 
     @cached_property
     def converged(self) -> bool:

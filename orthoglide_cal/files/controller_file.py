@@ -61,6 +61,10 @@ _ANY_NUMBER = re.compile(r"[-+]?([0-9]{1,20}(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
 _JOINT = re.compile(r"\[JOINT_([0-9])\].*")
 _COORDINATES = re.compile(r"\bcoordinates\s*=\s*[\"']?(\w+)", re.IGNORECASE)
+# Kinematics whose joints are no three rails that cross.
+_OTHERS = re.compile(
+    "(delta|corexy|scara|puma|penta|tripod|genhex|genser|rose|rotate|max|5axis)kins", re.IGNORECASE
+)
 # An included file with a section changes what the lines behind it belong to.
 _INCLUDED = re.compile(
     r"^\s*(\[|#INCLUDE|(KINEMATICS|LINEAR_UNITS|HOME_OFFSET|HOME_\w+_VEL|(MIN|MAX)_LIMIT|BACKLASH"
@@ -448,8 +452,9 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
     coordinates = _COORDINATES.search(kins)
     letters = coordinates[1].lower() if coordinates else "".join(AXES)
     problem = remedy = ""
-    if "deltakins" in kins.lower():
-        problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
+    if _OTHERS.search(kins):
+        problem = "This LinuxCNC drives a machine of another kind."
+        remedy = "Name the INI of this machine. For a delta: orthocal export --format linuxcnc"
     elif any(letters.count(axis) != 1 for axis in AXES):
         problem = "These coordinates do not give each of X, Y and Z one joint."
         remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"

@@ -15,10 +15,10 @@ from typing import Annotated, Literal, NamedTuple, cast
 import numpy as np
 from pydantic import InstanceOf, PlainSerializer
 
-from orthoglide_cal.errors import InputError, UnusableResultError, UsageError
+from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, visible
 from orthoglide_cal.files import gcode, klipper, machine_file
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.files.printer_file import PrinterFile
+from orthoglide_cal.files.printer_file import ARMS, PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
@@ -403,15 +403,16 @@ def machine_in_folder(folder: Path) -> Path | None:
 
 
 def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | None:
-    """The machine file from which this controller was written, else one from which none was."""
+    """The machine file from which this controller was written, or that is of no controller yet."""
     free = []
     for path in _machines_in(folder):
         with suppress(InputError):  # of a faulty one nobody knows
-            machine = machine_file.read_machine_file(path).model.machine
+            file = machine_file.read_machine_file(path)
+            machine, made_for = file.model.machine, machine_file.made_for(file)
             targets = {entry.written.target for entry in machine.history if entry.written}
-            if controller.target in targets:
+            if controller.target in targets or made_for == visible(controller.target):
                 return path
-            if not targets and controller.format in machine.controller_formats:
+            if not (targets or made_for) and controller.format in machine.controller_formats:
                 free.append(path)
     return free[0] if len(free) == 1 else None
 
@@ -514,8 +515,9 @@ def _printer(file: PrinterFile, known: Model | None, stored: str | None) -> Inpu
         widest = float(np.hypot(*readings.plan.spots.T[:2]).max())
         file = file.on_bed(widest or file.machine.delta_radius_mm)
     model = known or Model(file.machine)
-    machine, remarks = file.known_as(_delta(model, file.source.path))
-    model = replace(model, machine=machine)
+    sure = ARMS in {effect.cause.id for effect in model.accepted}
+    machine, remarks = file.known_as(_delta(model, file.source.path), sure)
+    model = model.judging(Model(machine))  # arms that were accepted may have been entered since
 
     def read(name: str, *unused: Reason) -> Input:
         readings = file.readings(name, machine)

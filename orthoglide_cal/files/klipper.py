@@ -246,8 +246,7 @@ def read_printer_file(
     data = {name: readings for name, readings in both.items() if readings is not None}
     known = sorted(settings.options[_CALIBRATION].items())
     steps = " ".join(text for option, (_, text) in known if _STORED.match(option))
-    remarks = tuple(settings.remarks)
-    return PrinterFile(machine, probe, document.source, data, remarks, steps=steps)
+    return PrinterFile(machine, probe, document.source, data, tuple(settings.remarks), steps=steps)
 
 
 def settings_beside(document: FileText) -> PrinterFile | None:
@@ -434,8 +433,7 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     start, points = options[section]["points"]
     texts = enumerate(points.split("\n"), start)
     rows = {line: text.split(",") for line, text in texts if text.strip()}
-    place = f"points of [{section}]"
-    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=place)
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN, column=f"points of [{section}]")
     if settings.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), stored, stated)

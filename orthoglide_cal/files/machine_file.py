@@ -19,7 +19,7 @@ import yaml
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, visible
 from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
 from orthoglide_cal.files.tree import WORDS, Content, Steps, dotted, load_tree, nearest, yaml_text
 from orthoglide_cal.model.kinds import MACHINES
@@ -52,6 +52,7 @@ WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that no
 _ACTIVE = "offsets_mm"
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
+_MADE = "# Made by `orthocal apply` for "
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
 
 
@@ -252,8 +253,7 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
     for id, values in corrected.items() if isinstance(corrected, dict) else ():
         place = (*path, "corrected", id)
         if id not in by_joint:
-            fault = "No controller corrects this."
-            tree.note(place, fault, f"Known: {', '.join(by_joint)}.", id)
+            tree.note(place, "No controller corrects this.", f"Known: {', '.join(by_joint)}.", id)
             continue
         names = by_joint[id].values()
         for name in values if isinstance(values, dict) else ():
@@ -354,7 +354,14 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
     is another machine's.
     """
     name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
-    return _stored(machine_text(model), str(free_path(Path(), name, ".yaml")))
+    text = f"{WRITTEN}{_MADE}{visible(controller)}\n{machine_text(model).removeprefix(WRITTEN)}"
+    return _stored(text, str(free_path(Path(), name, ".yaml")))
+
+
+def made_for(file: StoredMachine) -> str | None:
+    """The controller's file or server for which `new_machine_file` made a file, made harmless."""
+    line = file.document.text.removeprefix(WRITTEN).partition("\n")[0]
+    return line.removeprefix(_MADE) if line.startswith(_MADE) else None
 
 
 def with_history(

@@ -64,16 +64,14 @@ def upload(address: str, data: bytes) -> None:
     form = f"--{mark}\r\nContent-Disposition: form-data; name="
     head = f'{form}"root"\r\n\r\nconfig\r\n{form}"file"; filename="printer.cfg"\r\n\r\n'
     body = head.encode() + data + f"\r\n--{mark}--\r\n".encode()
+    problem = "The server holds another printer.cfg than the one just sent."
+    remedy = "Look at the file there before anything is homed."
     try:
         _request(address, "/server/files/upload", body, f"multipart/form-data; boundary={mark}")
-    except InputError as error:
-        # A server that is slow may have stored it all the same.
-        if _request(address, _CONFIG) != data:
-            problem = f"{error.what} So far it holds the old printer.cfg."
-            raise InputError(problem, error.remedy, file=address) from error
-    if printer_cfg(address) != data:
-        problem = "The server holds another printer.cfg than the one just sent."
-        raise InputError(problem, "Look at the file there before anything is homed.", file=address)
+    except InputError as error:  # a server that is slow may have stored it all the same
+        problem, remedy = f"{error.what} So far it holds the old printer.cfg.", error.remedy
+    if _request(address, _CONFIG) != data:
+        raise InputError(problem, remedy, file=address)
 
 
 def restart(address: str) -> None:

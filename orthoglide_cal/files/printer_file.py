@@ -41,8 +41,7 @@ def stored_mesh(
     Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
     """
     line, x, y, height = touches.T
-    place = np.column_stack((x, y, height + trigger))
-    plan = touching(place, np.full(len(line), trigger), order)
+    plan = touching(np.column_stack((x, y, height + trigger)), np.full(len(line), trigger), order)
     return Readings(plan, height, line.astype(int), False, source)
 
 
@@ -115,18 +114,19 @@ class PrinterFile(ReadOnly):
         stated = not math.isnan(self.machine.bed_radius_mm)
         return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
-    def known_as(self, known: LinearDelta) -> tuple[LinearDelta, tuple[Reason, ...]]:
+    def known_as(self, known: LinearDelta, sure: bool) -> tuple[LinearDelta, tuple[Reason, ...]]:
         """A known machine with the parameters in force in its firmware, and a remark on its arms.
 
         The firmware reckons with its own arms: how far they are from those that are known is part
-        of how far they can be from the real ones. Raises UsageError: not one machine.
+        of how far they can be from the real ones, unless one is sure of these. Raises UsageError:
+        not one machine.
         """
         in_force = (*known.geometry_keys, "bed_radius_mm")
         machine = known.changed(**{key: getattr(self.machine, key) for key in in_force})
         known.check_same(machine)
         arms = np.array((known.arm_length_mm, machine.arm_length_mm))
         apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[ARMS].size(known)
-        if apart <= size:
+        if sure or apart <= size:
             return machine, ()
         stated, used = arms.tolist()
         remark = Reason.of("arms_differ", stated=stated, used=used, apart_mm=apart)

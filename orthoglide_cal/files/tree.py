@@ -153,8 +153,7 @@ class Content:
                 for problem in cause.problems:
                     inner = _STEP.findall(problem.column or "")
                     steps = (int(index) if index else name for index, name in inner)
-                    place = (*at, *path, *steps)
-                    self.note(place, problem.what, problem.remedy, problem.value)
+                    self.note((*at, *path, *steps), problem.what, problem.remedy, problem.value)
                 continue
             kind, meant = _ALSO.get(finding["type"], finding["type"]), str(finding["input"])
             known = _QUOTED.findall(given.get("expected", ""))

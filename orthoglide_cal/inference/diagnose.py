@@ -42,6 +42,7 @@ from orthoglide_cal.inference.result import (
     FoundCause,
     FoundPattern,
     LackOfFit,
+    Noise,
     Otherwise,
     Parameter,
     TimesStated,
@@ -563,7 +564,7 @@ class Diagnosis(Decision):
     @cached_property
     def lack_of_fit(self) -> LackOfFit:
         """Test of the parameters alone; a bed's local shape as large as it is found."""
-        alone, noise = self.alone, self.model.machine.instrument.noise_mm
+        alone, gauge = self.alone, self.model.machine.instrument
         size = alone.scatter.sigma_mm if alone.scatter else 0.0
         dof, p_value = alone.dof, alone.lack_of_fit_p
         if self.white.texture is not None:
@@ -581,16 +582,21 @@ class Diagnosis(Decision):
             chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))
         left = alone.rms_after_mm
         return LackOfFit(
-            statistic=dof * size**2 / noise**2,
+            statistic=dof * size**2 / gauge.noise_mm**2,
             dof=dof,
             p_value=p_value,
             repeats_p_value=chance,
-            repeats_mm=None if repeats is None else repeats.sigma_mm,
             left_mm=left,
             # The fit takes a part of the noise away, too.
-            expected_mm=left * noise / size if size else noise,
-            noise_mm=noise,
-            residual_mm=size,
+            expected_mm=gauge.noise_mm * (left / size if size else 1.0),
+            noise=Noise(
+                used_mm=alone.noise.sigma_mm,
+                repeats_mm=repeats and repeats.sigma_mm,
+                residuals_mm=size if dof else None,
+                stated_mm=gauge.noise_mm,
+                floor_mm=gauge.rounding_mm,
+                dof=alone.dof,
+            ),
         )
 
     @property
@@ -699,7 +705,8 @@ def diagnose(
             remarks.append(Reason.of("recalibrated", changed=changed))
         elif (shift := later.moved_origin(diagnosis.carried)) is not None:
             later = replace(later, free=len(shift))
-            moves = dict(zip(machine.parameter_names, shift.tolist(), strict=False))
+            names, units = machine.parameter_names, machine.parameter_units
+            moves = [*zip(names, shift.tolist(), units, strict=False)]
             remarks.append(Reason.of("origin_moved", moves=moves))
     again = repeats(white, later)
     if again is not None and again > REPEATS:

@@ -117,6 +117,17 @@ def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
     return probability if probability >= WORTH_SAYING else None
 
 
+class Noise(Schema):
+    """Standard deviation of one reading, by source."""
+
+    used_mm: float = Field(description="what U rests on")
+    repeats_mm: float | None = Field(description="from repeated readings")
+    residuals_mm: float | None = Field(description="from the residuals")
+    stated_mm: float = Field(description="as the machine file states it")
+    floor_mm: float = Field(description="resolution / √12")
+    dof: int = Field(description="degrees of freedom of the residuals")
+
+
 class LackOfFit(Schema):
     """Test of the parameters alone against the data.
 
@@ -128,22 +139,20 @@ class LackOfFit(Schema):
     dof: int
     p_value: float = Field(description="of a larger residual; a bed's local shape as found")
     repeats_p_value: float | None = Field(description="judged by the scatter of repeats")
-    repeats_mm: float | None = Field(description="that scatter")
     left_mm: float = Field(description="what the parameters alone leave, r.m.s.")
     expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
-    noise_mm: float = Field(description="standard deviation of one reading, as stated")
-    residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
+    noise: Noise = Field(exclude=True)
 
     @property
     def judgement(self) -> Reason:
         """Statement on whether the residuals are what this gauge's noise would give."""
-        stated = {"stated_mm": self.noise_mm}
+        stated = {"stated_mm": self.noise.stated_mm}
         if not self.dof:
             return Reason.of("no_spare_readings", **stated)
         code = "residuals_agree"
         if self.p_value < 1.0 - CONFIDENCE:  # words alone: nothing follows from them
             code = "residuals_too_large" if self.p_value < SUSPICIOUS else "residuals_unusual"
-        return Reason.of(code, scatter_mm=self.residual_mm, **stated, p_value=self.p_value)
+        return Reason.of(code, scatter_mm=self.noise.residuals_mm, **stated, p_value=self.p_value)
 
 
 class FoundCause(Schema):

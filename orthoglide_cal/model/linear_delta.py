@@ -379,7 +379,6 @@ class LinearDelta(Machine):
         ("See the parameters", "solve", "printer.cfg"),
         ("Check the model", "diagnose", "printer.cfg"),
     )
-    settled_steps = (("See which further readings would help", "plan"),)
     practice_steps = first_steps
     geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 

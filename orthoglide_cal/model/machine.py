@@ -331,7 +331,6 @@ class Machine(Schema):
     # called; "" for none.
     first_steps: ClassVar[tuple[tuple[str, str, str], ...]]
     practice_steps: ClassVar[tuple[tuple[str, str, str], ...]]  # in a folder to practise
-    settled_steps: ClassVar[tuple[tuple[str, str], ...]] = ()  # where nothing is to be entered
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
     controller_formats: ClassVar[tuple[str, ...]]  # of its usual controller's file first

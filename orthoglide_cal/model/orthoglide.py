@@ -94,7 +94,6 @@ class Orthoglide(Machine):
         ("Measure", "measure", ""),
         ("Or practise first, in another folder", "machine new --practice", ""),
     )
-    settled_steps = (("See which further readings would help", "plan"),)
     practice_steps = (("Practise without a machine", "measure --gauge simulated", ""),)
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")

@@ -262,8 +262,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     met = ([e.cause for e in fit.effects if e.cause.lasting or first is not None] for fit in fits)
     ids = [tuple(cause.id for cause in causes) for causes in met]
     # Whether two explanations are different answers: other causes, another remedy, (f, f).
-    remedies = (fit.hypothesis.remedy for fit in fits)
-    answers = [*zip(map(frozenset, ids), remedies, strict=True)]
+    answers = [*zip(map(frozenset, ids), (fit.hypothesis.remedy for fit in fits), strict=True)]
     differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
     others = np.array(differ) & diagnosis.undecided
     # ln of how far below its bound a rival (second index) is against the true one; one that may be

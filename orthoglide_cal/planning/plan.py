@@ -26,10 +26,8 @@ from scipy.special import ndtr
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.budget import (
     Budget,
-    BudgetTotal,
     Contribution,
     Scatter,
-    budget_lines,
     budget_of,
     fixed_influences,
     influences,
@@ -122,14 +120,15 @@ class SessionForecast(Schema):
     @computed_field
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
-        determined, and U of what other readings could reduce."""
+        """Of each parameter, in its unit: u from the scatter of the readings, u and U of all,
+        whether it is determined, and U of what other readings could reduce."""
         machine = self.model.machine
         lessened = self.budget.without(machine.fixed_parameters)
         scatter = [part.std for part in self.budget.contributions if part.source in AVERAGED]
         columns = {
             "unit": machine.parameter_units,
             "noise_std": np.sqrt(np.sum(np.square(scatter), axis=0)).tolist(),
+            "std": self.budget.std_mm.tolist(),
             "expanded": self.budget.expanded_mm.tolist(),
             "determined": machine.determined(self.budget.expanded_mm),
             "lessened": lessened.expanded_mm.tolist(),
@@ -457,7 +456,7 @@ class MeasurementPlan(Schema):
     assumed_mm: float | None  # how far each parameter is taken to be off, if that matters
     now_mm: float | None = None  # largest U that the data have already; None without any
     budget: tuple[Contribution, ...]
-    total: BudgetTotal
+    k: float  # of the budget, U/u
     # What no number of readings reduces, its largest source, and the cycles that stand for any
     # number; None for nothing, or for a layout.
     limits: Mapping[str, object]
@@ -506,7 +505,7 @@ def measurement_plan(
     if target_mm is not None:
         reached = chosen.worst_mm <= target_mm
         target = Target(target_mm, reached, chosen.cycles if reached else None)
-    (pairs, trace), (lines, total) = separations(model, plan), budget_lines(chosen.budget)
+    pairs, trace = separations(model, plan)
     size = float(np.sqrt(np.mean(machine.linearization_points**2)))
     return MeasurementPlan(
         model=model,
@@ -521,8 +520,8 @@ def measurement_plan(
         by_cycles=shown,
         noise_mm=machine.instrument.noise_mm,
         assumed_mm=size or None,
-        budget=lines,
-        total=total,
+        budget=chosen.budget.contributions,
+        k=chosen.budget.k,
         limits={
             "expanded_mm": floor and lengths(model, floor.expanded_mm.tolist()),
             "source": floor and floor.largest.source,

@@ -199,7 +199,7 @@ class Section:
 def next_steps(steps: Iterable[Line], *more: Block | None) -> Section:
     """Next steps, in order; without any only what stands below them."""
     steps = tuple(steps)
-    return Section("Next" if steps else None, Instructions(steps), *more)
+    return Section("Next" if steps else None, Instructions(steps) if steps else None, *more)
 
 
 @dataclass(frozen=True, eq=False)

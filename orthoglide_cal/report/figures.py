@@ -24,7 +24,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, position_words, size_words
 from orthoglide_cal.report.document import Html, tag
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
-from orthoglide_cal.results.answer import Residual, Shim
+from orthoglide_cal.results.answer import Residual
 from orthoglide_cal.words import number, plain, short, signed, two_figures
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
@@ -304,7 +304,7 @@ def bed_map(
     for (x, y), k, rings in zip(places, _classes(microns, limits), ringed, strict=True):
         body.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
         body += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if rings else []
-    body.append(words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"))
+    body.append(words(x0 + _BED / 2.0, _OVER + _BED - 4, "front", "end", "muted halo"))  # no touch
     for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
         away = _BED / 2 + 12
         x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
@@ -379,12 +379,22 @@ def machine_sketch(
     return svg(328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
-def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
+def shims(id: str, sizes: Iterable[Estimate]) -> list[tuple[str, float, str]]:
+    """Rails to move, by how many mm and where to ("+z"); empty if no size is that of a gap."""
+    screws = ((CAUSES[id].adjustment(size.name), size.value) for size in sizes)
+    return [
+        (AXES[screw.leg], abs(gap), f"{'-' if gap < 0.0 else '+'}{screw.along}")
+        for screw, gap in screws
+        if screw and screw.along
+    ]
+
+
+def rails_sketch(gaps_mm: Mapping[str, float], moves: Sequence[tuple[str, float, str]]) -> Html:
     """The three rails where they really pass each other, the gaps enlarged, and what closes them.
 
     Args:
         gaps_mm: "xy" → how far rail x lies above rail y, along z; and so on.
-        shims: how each rail is to be moved at its mount: an arrow with its length.
+        moves: `shims`, each an arrow at its mount.
     """
     most = max(map(abs, gaps_mm.values())) or 1.0
     pairs = [[AXES.index(axis) for axis in name] for name in gaps_mm]
@@ -402,11 +412,11 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
         start, stop = (on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR))
         parts.append(_rail(rail, start, stop, start))
         taken += [*np.linspace(start, stop, 29)]
-        for shim in (one for one in shims if one.rail == axis):
-            way = _TOWARDS[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)
+        for _, mm, along in (move for move in moves if move[0] == axis):
+            way = _TOWARDS[AXES.index(along[1])] * float(f"{along[0]}1")
             x, y = start + 46.0 * way
             parts.append(arrow(start + 9.0 * way, start + 34.0 * way))
-            parts.append(words(x, y + 4, f"{plain(shim.mm, 2)} mm", "middle", "halo"))
+            parts.append(words(x, y + 4, f"{plain(mm, 2)} mm", "middle", "halo"))
             taken += [*np.linspace((x - 24.0, y), (x + 24.0, y), 9)]
     middles: list[Floats] = []
     for first, second in pairs:
@@ -427,9 +437,8 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
         taken.append(place)
         parts.append(words(x, y + 4, name, "middle", "strong halo"))
     gaps = ", ".join(f"{name} {signed(gap, 3)}" for name, gap in gaps_mm.items())
-    moved = ", ".join(f"rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims)
-    finding = f"Three rails that should meet in one point. Gaps, mm: {gaps}."
-    finding += f" Move {moved}." if moved else ""
+    moved = ", ".join(f"rail {r} by {plain(mm, 2)} mm towards {along}" for r, mm, along in moves)
+    finding = f"Three rails that should meet in one point. Gaps, mm: {gaps}. Move {moved}."
     return svg(328.0, 244.0, "The rails where they pass each other", finding, parts)
 
 
@@ -576,8 +585,7 @@ def differences_figure(
             ),
         ]
     seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
-    title = "Differences, before and after"
-    picture = svg(_WIDE, bottom + 30.0, title, seen, parts)
+    picture = svg(_WIDE, bottom + 30.0, "Differences, before and after", seen, parts)
     kind, meaning = comparison_words(single)
     key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
@@ -854,23 +862,15 @@ def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure |
     largest = sorted(sizes, key=lambda size: -abs(size.value))
     seen = [size for size in largest if abs(size.value) > size.expanded] or largest
     drawn = [size for size in seen if {*size.name} <= {*AXES, "_"}][:_MOST_DRAWN]
-    if moves_rails(id):
-        shims = case.answer.shims
-        key = "The rails where they really are, the gaps enlarged. "
-        key += "Arrows: move the mount there." * bool(shims)
-        panel = rails_sketch({size.name: size.value for size in sizes}, shims)
+    if moves := shims(id, sizes):
+        key = "The rails where they really are, the gaps enlarged. Arrows: move the mount there."
+        panel = rails_sketch({size.name: size.value for size in sizes}, moves)
     elif drawn and not CAUSES[id].is_rate and not _on_bed(case):
         key = "Dashed: as it should be. Solid: as it is, enlarged."
         panel = parameter_sketch(id, drawn)
     else:
         return None
     return doc.Figure([panel], 0, key)
-
-
-def moves_rails(id: str) -> bool:
-    """True if the parameters of a cause are gaps between rails."""
-    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
-    return any(screw and screw.along for screw in screws)
 
 
 def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:

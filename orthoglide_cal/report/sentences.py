@@ -68,8 +68,7 @@ def _cause(id: str, kind: str) -> Mapping[str, str]:
 
 def cause_words(id: str, machine: Machine, where: str = "") -> Mapping[str, str]:
     """Words of a cause at a place of such a machine: title, check, advice, no_setting."""
-    words = _cause(id, machine.kind)
-    return {name: text.format(where=where) for name, text in words.items()}
+    return {name: text.format(where=where) for name, text in _cause(id, machine.kind).items()}
 
 
 def where_words(machine: Machine, pattern: FoundPattern) -> str:
@@ -140,7 +139,6 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "capital": capitalized,
     "names": ", ".join,
     "listed": listed,
-    "unit": unit_words,
     "coverage": coverage_words,
     "lengths": lambda values: ", ".join(number(value) for value in dict.fromkeys(values)),
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
@@ -159,17 +157,12 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
         [together(ids, "a cause") for ids in answers[:2]]
         + [counted(len(answers) - 2, "other")] * (len(answers) > 2)
     ),
-    "values": lambda rows: ", ".join(f"{name} {signed(by, 1)} {of}" for name, by, of in rows),
     "two": two_figures,
     "p": chance,
     "whole_percent": lambda share: percent(share or 0.0),
     "percent": lambda share: percent(share, 1),
-    "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "sizes": lambda rows: ", ".join(
         f"{name} {signed(size, 3)} {unit_words(unit)}" for name, size, unit in rows
-    ),
-    "moves": lambda rows: ", ".join(
-        f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in rows
     ),
     "amounts": lambda largest: " or ".join(
         f"{two_figures(size)} {unit_words(unit)}" for unit, size in largest.items()

@@ -12,7 +12,7 @@ from typing import Literal, Self
 from pydantic import AwareDatetime, Field, computed_field
 
 from orthoglide_cal import __version__
-from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Contribution
 from orthoglide_cal.estimation.solution import PromisedDifference
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
@@ -26,6 +26,7 @@ from orthoglide_cal.inference.result import (
     FoundPattern,
     LackOfFit,
     NextMeasurement,
+    Noise,
     Otherwise,
     Parameter,
     TimesStated,
@@ -145,26 +146,6 @@ class Residue(Schema):
     after_mm: float
 
 
-class Noise(Schema):
-    """Standard deviation of one reading, by source."""
-
-    used_mm: float = Field(description="what U rests on")
-    repeats_mm: float | None = Field(description="from repeated readings")
-    residuals_mm: float | None = Field(description="from the residuals")
-    stated_mm: float = Field(description="as the machine file states it")
-    floor_mm: float = Field(description="resolution / √12")
-    dof: int = Field(description="degrees of freedom of the residuals")
-
-
-class Shim(Schema):
-    """One rail to move, so that it meets the next."""
-
-    rail: str
-    along: str = Field(description="axis, with the sign of the motion: +z")
-    mm: float
-    expanded_mm: float
-
-
 class Residual(Schema):
     """One reading (or difference): measured and modelled."""
 
@@ -264,13 +245,11 @@ class Answer(Schema):
     deviations: tuple[PromisedDifference, ...] = ()
     deviations_rms: Residue | None = Field(None, description="as measured, and after entering")
     budget: tuple[Contribution, ...] = ()
-    total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
     converged: bool = False
     residuals: tuple[Residual, ...] = ()
     causes: tuple[FoundCause, ...] = Field((), description="best first")
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
-    shims: tuple[Shim, ...] = Field((), description="that close the gaps of axis_gap")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
     rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")
@@ -293,11 +272,10 @@ class Answer(Schema):
     sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
         None, description="with all plausible sizes changed"
     )
-    warnings: tuple[Sentence, ...] = Field((), description="about the data")
     others: tuple["Answer", ...] = Field(
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )
-    notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
+    notes: tuple[Sentence, ...] = Field((), description="cautions, on the data, of the diagnosis")
 
     @property
     def beyond(self) -> tuple[FoundPattern, ...]:

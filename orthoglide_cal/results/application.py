@@ -197,6 +197,9 @@ def apply(
                 since = f"The last entry was written to another file: {stood.target}"
             if adds:
                 instead = "enter the offsets by hand, and record them without --to."
+            elif known and known.sha256_after == controller.sha256:
+                since = "The last entry wrote that."
+                instead = "state these settings in the machine file that you name."
             fault = f"{controller.target}: {unlike} {since}"
             raise UsageError(fault, f"Restore it, or {instead}")
         first = Reason.of("first_written") if adds and not stood else None
@@ -219,16 +222,16 @@ def file_to_record_in(
     None: there has to be one. Raises UsageError: only the controller's file would hold it;
     UnusableResultError as `check_measured`.
     """
+    check_measured(given, file, to_controller=controller is not None)
     if recording(given) == "elsewhere":
         if controller is None:
             path, machine = given.measured.source.path, given.machine_file
             options = f"--format {given.model.machine.controller_formats[0]}"
             shown = command("export", path, machine=machine, options=options)
             written = command("apply", path, machine=machine, options="--to printer.cfg")
-            fault = "Its firmware keeps what it is given; nothing is recorded here."
+            fault = "The printer's firmware keeps what it is given; nothing is recorded here."
             raise UsageError(fault, f"See what to give it: {shown}\nOr write it: {written}")
         file = file or new_machine_file(given.model, controller.target)
-    check_measured(given, file, to_controller=controller is not None)
     return file
 
 

@@ -342,10 +342,10 @@ def compare(
         notes.append(Reason.of("stored_again", names=[inputs[k].name for k in copies]))
         inputs = [given for k, given in enumerate(inputs) if k not in copies]
     if len(inputs) < 2:
-        without = ", without those that are simulated, copies or not readable" * bool(notes)
+        without = ": simulated, copied and unreadable ones do not count" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
-            "Name files; or the folder of sessions: of tables (CSV) it takes none.",
+            "Name the files. In a folder only sessions count, no tables (CSV): name those.",
         )
     inputs, moments = in_order(inputs)
     times = np.arange(len(inputs), dtype=np.float64)
@@ -420,8 +420,7 @@ def compare(
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     advice: str = verdict
     if rivals:
-        homing = Trend.SCATTERING in (verdict, *rivals)
-        advice = "home_repeatedly" if homing else "one_more_session"
+        advice = "home_repeatedly" if Trend.SCATTERING in (verdict, *rivals) else "one_more_session"
     elif any(session.refuted for session in sessions):
         advice = "refuted"
     shapes = []

@@ -24,7 +24,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
-from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_lines, warmth
+from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, warmth
 from orthoglide_cal.estimation.solution import (
     SUSPICIOUS,
     OffsetEstimate,
@@ -41,7 +41,6 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
-    FoundCause,
     NextMeasurement,
     Parameter,
     Verdict,
@@ -169,7 +168,6 @@ def answer_to(
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack = diagnosis.lack_of_fit
-    lines, total = budget_lines(budget)
     workspace, std = None, budget.std_mm
     if details:
         with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
@@ -193,18 +191,10 @@ def answer_to(
         if named and not shown_alone
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
-        noise=schema.Noise(
-            used_mm=chosen.noise.sigma_mm,
-            repeats_mm=lack.repeats_mm,
-            residuals_mm=lack.residual_mm if lack.dof else None,
-            stated_mm=machine.instrument.noise_mm,
-            floor_mm=machine.instrument.rounding_mm,
-            dof=solution.dof,
-        ),
+        noise=lack.noise.changed(used_mm=chosen.noise.sigma_mm, dof=solution.dof),
         deviations=rows,
         deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
-        budget=lines,
-        total=total,
+        budget=budget.contributions,
         converged=solution.converged,
         residuals=()
         if shown_alone and not details
@@ -214,7 +204,6 @@ def answer_to(
         ruled_out=model.ruled_out,
         workspace=workspace,
         holdout=holdout,
-        warnings=solution.warnings,
         notes=(*decision.cautions, *diagnosis.notes),
         others=others,
         # The parameters alone are those of the solution.
@@ -222,7 +211,6 @@ def answer_to(
             one.changed(rms_mm=solution.rms_after_mm, parameters=offsets_only) if one.sound else one
             for one in diagnosis.explanations
         ),
-        shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
         inputs=tuple(map(schema.InputFile.of, dates)),
@@ -332,8 +320,7 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
         return False
     budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
-    scale = budget.k / NORMAL_K
-    return chance_of_residual(apart, len(change), scale) >= MOVED
+    return chance_of_residual(apart, len(change), budget.k / NORMAL_K) >= MOVED
 
 
 def _with_others(
@@ -348,7 +335,7 @@ def _with_others(
     for other in others:
         pairs = zip(parameters, other.parameters, strict=False)
         apart = [
-            (one.name, abs(one.found - its.found), one.unit)
+            (one.name, its.found - one.found, one.unit)
             for one, its in pairs
             if one.found is not None and its.found is not None
             if abs(one.found - its.found) > math.hypot(one.expanded, its.expanded)
@@ -457,14 +444,6 @@ def _check(
         # The promise is of as many readings as were taken before; the check is of two.
         expanded_mm=math.hypot(row.expanded_mm, k * math.sqrt(2.0) * sigma),
     )
-
-
-def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
-    for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
-        if (screw := CAUSES[id].adjustment(gap.name)) and screw.along:
-            size = {"mm": abs(gap.value), "expanded_mm": gap.expanded}
-            along = f"{'-' if gap.value < 0.0 else '+'}{screw.along}"
-            yield schema.Shim(rail=AXES[screw.leg], along=along, **size)
 
 
 # --- may the parameters be entered? one rule for every command that says so -------------------
@@ -623,8 +602,7 @@ def _named(
             remedies.append(Remedy.of("look", "diagnose", f"--rule-out {fault.id}", **place))
         if following is not None:
             decides = _decisive(diagnosis, following)
-            again = Reason.of("or", first=decides.sentence)
-            remedies.append(decides.changed(sentence=again))
+            remedies.append(decides.changed(sentence=Reason.of("or", first=decides.sentence)))
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     remedies = []
     # A slip in the record is looked for sooner than a machine is taken apart.

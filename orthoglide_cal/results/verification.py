@@ -55,7 +55,6 @@ from orthoglide_cal.results.making import parameters_of, remainder, validity, wi
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
-AS_FOUND = 1e-3  # firmwares print parameters to this many of their units
 # A promise is that of heights that are less than this share of those before.
 A_PROMISE = 0.95
 
@@ -153,8 +152,6 @@ class Verification(Schema):
     # Of heights: U with which the two agree if all is as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
-    # Of heights: what the parameters found afterwards would leave.
-    rms_reachable_mm: float | None = None
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     # Change of each parameter in between; null: nobody knows.
     entered: dict[str, float | None]
@@ -175,16 +172,6 @@ class Verification(Schema):
         """True if it is not as predicted, or a deviation is beyond the limit."""
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
-
-    @property
-    def entered_otherwise(self) -> list[str]:
-        """Parameters of which something else was entered than what had been found."""
-        return [
-            row.name
-            for row in self.before.parameters
-            if (by := self.entered[row.name]) is not None
-            and abs(by - (row.found or 0.0)) > AS_FOUND
-        ]
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -268,14 +255,16 @@ def verify(
     columns = "measured_mm", "expected_mm", "expanded_mm", "after_mm", "after_expanded_mm"
     was, will_be, sure, now, now_sure = np.array([attrgetter(*columns)(row) for row in rows]).T
     apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))
+    grown = min(rms(will_be), rms(now)) > rms(was) + both
+    if grown and not ordered and rms(applied) > 2.0 * rms(first.offsets_mm):  # nobody enters that
+        fault = f"{after.name} seems to have been measured before {before.name}: in this order the"
+        fault += " deviations grow, as what was entered predicts."
+        raise UsageError(fault, f"Name it first: {typed}")
     outcomes, decision = [row.outcome for row in rows if row.outcome], None
     if limit_mm is not None:
-        worst = min(outcomes, key=[*Outcome].index)
-        decision = Conformity(outcome=worst, limit_mm=limit_mm)
-    # Only an opposite sign can come of the wrong order.
-    unordered = not ordered and response["answer"] is Behaviour.OPPOSITE
+        decision = Conformity(outcome=min(outcomes, key=[*Outcome].index), limit_mm=limit_mm)
     return Verification(
-        **_common((before, after), (first, second), entered.tolist(), unordered),
+        **_common((before, after), (first, second), entered.tolist()),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
         apart_mm=apart,
         apart_expanded_mm=both,
@@ -309,7 +298,6 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
     now, u_now, _ = _mean_square(second, second.measured.value)
-    reachable, *_ = _mean_square(second, second.measured.value - second.predicted_mm)
     reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
@@ -330,7 +318,6 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         rms_promised_mm=promised_mm,
         rms_expanded_mm=most_mm - promised_mm,
         rms_after_mm=after_mm,
-        rms_reachable_mm=math.sqrt(reachable),
     )
 
 
@@ -358,12 +345,8 @@ def _common(
     inputs: tuple[Input, Input],
     solutions: tuple[Solution, Solution],
     entered: Sequence[float | None],
-    unordered: bool = False,
 ) -> dict[str, object]:
-    """Fields for any kind of machine: both inputs, and what was entered in between.
-
-    `unordered`: they may have been measured in the other order.
-    """
+    """Fields for any kind of machine: both inputs, and what was entered in between."""
     before, after = (
         ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
         for given, solution in zip(inputs, solutions, strict=True)
@@ -375,7 +358,7 @@ def _common(
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
-        "reservations": (*reservations, *([Reason.of("order_as_given")] if unordered else ())),
+        "reservations": tuple(reservations),
         "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
     }
 

@@ -275,9 +275,14 @@ class AdjustingDialogue(Dialogue):
         if key in ("r", "t", "?"):
             self.asker.say(HELP)
         else:
-            if key in ("s", "q") and self._safe:
-                self.asker.say("Tighten what is loose before the drives are on.", Style.BAD)
+            if key == "s":
+                self.warn()
             super()._obey(key, words, step)
+
+    def warn(self) -> None:
+        """Say what comes first where something may be loose."""
+        if self._safe:
+            self.asker.say("\nTighten what is loose before the drives are on.", Style.BAD)
 
 
 def _lines(one: Adjusted, noun: str) -> tuple[str, str]:
@@ -332,7 +337,9 @@ def open_adjustments(
         for number, (setup, phase) in places
     )
     setting = Setting(given.model, steps, following)
-    return AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
+    dialogue = AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
+    opened.callback(dialogue.warn)  # however it is left
+    return dialogue
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:

@@ -405,8 +405,7 @@ class Dialogue:
         end = f" at the {touched.upper()} end" if touched else ""
         gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.request.unit}]"
         prompt = f"{place}\n{gauge}{asker.hint} > "
-        answer = asker.ask(prompt, step, self.state.takes(step.number))
-        self._receive(answer, step)
+        self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
 
     def _stood(self, step: SessionStep) -> Stood:
         """Place of the machine, if it is followed; says once that it is not any more."""
@@ -790,7 +789,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     if request.resume:
         _refuse_changes(state.opened, setting.held, request)
         asker.gauge = asker.gauge or serial_gauge(source, opened)
-        asker.say(_machine_words(setting.held, state.opened.seed is not None))
+        asker.say(_machine_words(setting.held, state.opened.seed, setting.first))
         if setting.following:
             asker.say(setting.following.words, Style.TITLE)
     if source == (VIRTUAL,):
@@ -848,10 +847,9 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     while confirmed is not model:  # what was typed is shown, and asked once more
         model = confirmed or model
         if first:
-            offsets = model.machine.active
-            plan, following, change = planned_next(first, options, request, offsets)
+            plan, following, change = planned_next(first, options, request, model.machine.active)
         careful = require_on_bar(plan, model.machine)
-        asker.say(_machine_words(model, seed is not None))
+        asker.say(_machine_words(model, seed, first))
         doubts = map(request.says, model.machine.instrument.implausible().values())
         for doubt in filter(None, (careful and str(careful), *doubts, change)):
             asker.say(doubt, Style.BAD)
@@ -863,8 +861,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
         # What others are joined to keeps the machine as it was for the first of them.
         model = first.model
         steps = steps_of(plan, model.machine, session.order, session.stands)
-        most = max(step.cycle for step in steps)
-        session = session.changed(cycles=min(most, MOST_CYCLES))
+        session = session.changed(cycles=min(max(step.cycle for step in steps), MOST_CYCLES))
     version = 2 if first or session.protocol is MeasuringProtocol.BEST else 1
     opened = events.Opened(
         **dict(session), at=time_of_day(), version=version, source=source, seed=seed,
@@ -908,10 +905,11 @@ def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
                     asker.say(str(error), Style.BAD)
 
 
-def _machine_words(model: Model, simulated: bool) -> str:
+def _machine_words(model: Model, seed: int | None, first: PriorReadings | None) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
     machine, gauge = model.machine, model.machine.instrument
     known = ", ".join(effect.cause.id for effect in model.accepted)
+    simulated = seed is not None or (first is not None and first.readings.source.simulated)
     return "\n".join([
         *([SIMULATED] if simulated else []),
         f"Machine  {visible(machine.name)}",
@@ -1040,8 +1038,7 @@ def _setting_in(journal: Journal) -> Setting:
         steps = opened.session.steps(model.machine)
     else:
         cells: tuple[AnyCell, ...] = planned.readings
-        plan = cells[0].planned(cells)
-        steps = steps_of(plan, model.machine, opened.order, opened.stands)
+        steps = steps_of(cells[0].planned(cells), model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(

@@ -416,8 +416,7 @@ class Journal:
         if not events or not isinstance(events[0], Opened):
             raise InputError("The journal is empty.", "Begin a new session.", file=str(path))
         end = b"" if data[:size].endswith(b"\n") else b"\n"
-        lost = len(data) - size
-        return cls(Path(path), tuple(events), lost, checksum, size, len(data), end)
+        return cls(Path(path), tuple(events), len(data) - size, checksum, size, len(data), end)
 
     @classmethod
     def resume(cls, path: Path, opened: ExitStack) -> "Journal":

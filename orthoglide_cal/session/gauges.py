@@ -376,8 +376,7 @@ class Standing:
 
     def _homed(self) -> bool:
         """True if all joints are homed: before, their positions are arbitrary. Raises OSError."""
-        joints = self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)]
-        return joints == ["YES"] * len(AXES)
+        return self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)] == ["YES"] * len(AXES)
 
     def _ask(self, question: str, answer: str) -> list[str]:
         """The words of an answer behind its name. Raises OSError."""

@@ -145,8 +145,7 @@ class Setting:
         For the machine that is the same as if it had been entered in the controller.
         """
         active = self.following.entered if self.following else NOTHING_ENTERED
-        short = np.subtract(step.cell.entered, active, dtype=np.float64)
-        return np.asarray(short.round(9))
+        return np.asarray(np.subtract(step.cell.entered, active, dtype=np.float64).round(9))
 
     def point(self, step: SessionStep) -> tuple[Floats, Floats]:
         """Point to drive to: joints and tool, shape (3,) each [mm]."""

@@ -47,6 +47,7 @@ def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
     by = "--machine", "machine.yaml"
     said = " ".join(done("apply", "before.csv", "--to", "mill.ini", "--yes", *by).split())
     assert "first time" in said
+    assert "x [JOINT_0] HOME_OFFSET" in said
     assert all(f"{typed} --machine machine.yaml" in said for typed in ("measure", "csv AFTER"))
     expected = [a + b for a, b in zip((0.5, -12.25, 0.0), found, strict=True)]
     assert offsets() == pytest.approx(expected, abs=1e-9)
@@ -92,8 +93,7 @@ def test_what_somebody_changed_since_is_not_written_over() -> None:
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(INI.replace("HOME_OFFSET = 0.500", "HOME = 1"), "missing"),
-     ("# nothing\n", "known controller"),
+    [("# nothing\n", "known controller"),
      (CFG, "Name the file of its own controller"),
      ("[printer]\nkinematics: delta\n", "SAVE_CONFIG")],
 )  # fmt: skip

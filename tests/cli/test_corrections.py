@@ -1,5 +1,6 @@
 """What a controller corrects of a machine: entered once, predicted, and not entered again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from orthoglide_cal.files.machine_file import (
     machine_values,
 )
 from tests.machines import ROOT
-from tests.printer_files import printer_cfg
+from tests.printer_files import OFF, printer_cfg
 from tests.printers import CONFIG
 from tests.truth.delta import V400, Truth
 
@@ -159,6 +160,7 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
         assert pitch == pytest.approx(40.0 * (1.0 + share), abs=1e-4)
         rise = written[f"[stepper_{tower}] position_endstop"] - enter[tower]
         assert rise == pytest.approx(share * V400.endstops[0], abs=0.01)
+    assert "last entry wrote that" in refused(2, "apply", *options, "--to", "printer.cfg", "--yes")
     done("apply", "--undo", "--machine", "machine.yaml", "--to", "printer.cfg", "--yes")
     assert Path("printer.cfg").read_text() == printer
     assert "no switch is moved" in refused(2, "adjust", *options, "--cause", "home_switch")
@@ -168,6 +170,19 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     height = enter["c"] + (344.1**2 - enter["radius"] ** 2) ** 0.5
     assert float(lines[lines.index("[JOINT_0]") + 2].split()[-1]) == pytest.approx(height, abs=2e-4)
     assert sum("angles than 90" in line for line in lines) == 1
+
+
+def test_arms_that_were_entered_are_not_entered_again(folder: Path) -> None:
+    known = ACCEPTED.replace("encoder_scale", "leg_length").replace("1e-3", "mm")
+    known = known.replace(" x:", " a:").replace(" y:", " b:").replace(" z:", " c:")
+    Path("machine.yaml").write_text(CONFIG.read_text().replace("identified: []\n", known))
+    truth = replace(OFF, arms=np.array([0.4, -0.3, 0.01]))
+    Path("printer.cfg").write_text(printer_cfg(V400, truth, noise=0.0, sections="c"))
+    options = "printer.cfg", "--machine", "machine.yaml"
+    done("apply", *options, "--to", "printer.cfg", "--yes")
+    after = answer("solve", *options)
+    assert after["rms"]["before_mm"] < 1e-4
+    assert not any("Arms:" in note for note in after["notes"])
 
 
 def test_accepted_is_what_the_machine_has_not_what_its_controller_leaves() -> None:

@@ -116,7 +116,7 @@ def test_what_was_simulated_is_no_history():
     assert "Left out: 2 simulated sessions." in shown
     assert done("history", "s1.csv", "s2.csv").startswith("SIMULATED")
     assert answer("history", "s1.csv", "s2.csv")["simulated"] is True
-    assert "without those that are simulated" in refused(2, "history", "s1.csv", "m3.csv")
+    assert "simulated, copied and" in refused(2, "history", "s1.csv", "m3.csv")
     # One measurement counts once, under whatever name.
     shutil.copy("m3.csv", "m5.csv")
     shown = words(done("history", "m3.csv", "m4.csv", "m5.csv", "--dates", dates[1][:32]))

@@ -183,7 +183,6 @@ def test_what_is_better_is_not_yet_what_was_promised(
     shown = run(*both)
     assert (shown.exit_code, shown.stdout[0]) == (4, "✘"), "mark and exit code are one decision"
     assert said in words(shown.stdout)
-    assert f"it would be {1e3 * compared['rms_reachable_mm']:.0f} µm" in words(shown.stdout)
 
 
 def test_no_better_than_before_is_not_as_promised() -> None:
@@ -416,7 +415,7 @@ def test_other_data_that_contradict_hold_the_release() -> None:
     for data in ("calibration", "mesh"):
         shown = run("solve", "printer.cfg", "--data", data)
         assert shown.exit_code == 4
-        assert "in the same file contradicts these values beyond U: a by" in words(shown.stdout)
+        assert "contradicts these values beyond U (difference: a" in words(shown.stdout)
     mesh = kept[: kept.index("#*# [delta_calibrate]")] + other[parts[1] :]
     calibration = kept[kept.index("#*# [delta_calibrate]") : parts[0]]
     Path("printer.cfg").write_text(mesh + calibration)

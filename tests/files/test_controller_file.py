@@ -33,14 +33,6 @@ MORE = {"a": 0.4, "b": 0.0, "c": -0.4, "radius": 0.1, "angle_a": 0.0, "angle_b":
 LOST = {"backlash": {"x": 0.05}}
 
 
-def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
-    """As a running controller takes them, wherever their sections stand."""
-    head, *joints = INI.split("[JOINT_")
-    turned = of(tmp_path, "[JOINT_".join((head, *reversed(joints))))
-    texts = [value.before for value in turned.settings.values()]
-    assert texts == ["0.500", "-12.25", "0"]
-
-
 def changed(
     file: ControllerFile, made: Corrections = MappingProxyType({}), **changes: float
 ) -> tuple[Written, bytes]:
@@ -54,8 +46,6 @@ def changed(
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.361"):
         changed(of(tmp_path, INI.replace("-12.25", "999999")), y=1.361)
-    with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.336"):
-        changed(of(tmp_path, INI.replace("-12.25", "999999")), {"backlash": {"y": 0.05}}, y=1.361)
 
 
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
@@ -159,15 +149,6 @@ def test_what_was_changed_since_is_not_restored(
         controller_file(before.target).restored(written)
     with pytest.raises(UsageError, match="changed meanwhile"):
         replace_file(before.target, before.sha256, data)
-
-
-def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
-    before = of(tmp_path, INI)
-    Path(before.target).chmod(0o444)
-    with pytest.raises(InputError, match="read-only"):
-        replace_file(before.target, before.sha256, b"nothing")
-    (left,) = tmp_path.iterdir()
-    assert left.read_text(encoding="utf-8") == INI
 
 
 @pytest.mark.parametrize(

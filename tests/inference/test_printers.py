@@ -396,7 +396,7 @@ def test_repeats_tell_the_repeatability() -> None:
     """Twenty places four times: 60 degrees of freedom, off by a third with p < 1e-5."""
     read = given(make_delta_session(5, V400, (), Layout(20, cycles=4), (0.03, GRAIN)))
     found = diagnose(read.measured, read.model)
-    assert found.lack_of_fit.repeats_mm == pytest.approx(V400.noise, rel=0.33)
+    assert found.lack_of_fit.noise.repeats_mm == pytest.approx(V400.noise, rel=0.33)
     assert found.lack_of_fit.repeats_p_value is not None
 
 

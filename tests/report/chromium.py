@@ -138,7 +138,7 @@ class Browser:
         return [e["params"] for e in self.events if e.get("method") in methods]
 
     def complaints(self) -> list[dict[str, Any]]:
-        """Everything on the console: messages, exceptions, violations of the policy."""
+        """Everything on the console: messages and exceptions."""
         return self.of("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
 
     def pdf(self) -> bytes:

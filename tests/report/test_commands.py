@@ -52,6 +52,14 @@ def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
     assert run("report", healthy, "--html", "-").stdout.startswith("<!DOCTYPE html>")
 
 
+def test_report_says_what_to_do_about_a_cause_that_moves_nothing(tmp_path: Path):
+    wrong = tmp_path / "wrong.csv"
+    run("simulate", "--cause", "misread@7=0.3", "--seed", 1, "--output", wrong)
+    page = run("report", wrong).stdout
+    assert "Nothing to enter" in page
+    assert "Read again: leg x, direction y, iso, cycle 2 (reading 7)." in page
+
+
 def test_report_as_left(healthy: Path, tmp_path: Path):
     after = tmp_path / "after.yaml"
     write(session(TRUE - TRUE, 4), NOMINAL, after)
@@ -61,7 +69,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
     assert "found  expected  as left" in page.stdout
     assert "Pass: limit 0.05 mm" in page.stdout
-    assert "The correction worked as predicted" in page.stdout
+    assert "uncertainty of the offsets left adds up to 0.0" in page.stdout
     assert "Nothing more to do: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
     # A limit is drawn, and decides nothing before the result is measured.

@@ -64,6 +64,7 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) ->
     assert found == pytest.approx(np.array([0.12345, -0.2, 0.3]) + changes(released))
     assert [len(settings[name]) for name in settings.sections()] == [1, 1, 1]
     assert "re-home all three axes" in text
+    assert "coordinates=XYZ: with others go by the axis named here. Then restart" in text
     assert "previous +0.12345" in text, "to its last digit"
     assert "Check: put the gauge 155 mm from carriage" in text
     assert VERIFY in text

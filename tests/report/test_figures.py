@@ -11,7 +11,7 @@ from orthoglide_cal import errors, schema, words
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report import case, figures
-from orthoglide_cal.results.answer import Residual, Shim
+from orthoglide_cal.results.answer import Residual
 
 BED = Bed(100.0, (210.0, 330.0, 90.0), 10.0)
 
@@ -192,8 +192,7 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
 def test_rails_pass_each_other_as_they_do_in_space():
     """Drawn from the gaps alone: each common perpendicular is as long as its gap."""
     gaps = {"xy": 0.3, "yz": -0.2, "zx": 0.1}
-    shims = [Shim(rail="y", along="+z", mm=0.3, expanded_mm=0.02)]
-    drawn = figures.rails_sketch(gaps, shims)
+    drawn = figures.rails_sketch(gaps, [("y", 0.3, "+z")])
     found = re.findall(
         '<line x1="([-0-9.]+)" y1="([-0-9.]+)" x2="([-0-9.]+)" y2="([-0-9.]+)" class="fault"', drawn
     )

@@ -1,7 +1,5 @@
 """The page without a browser: well-formed, self-contained, complete."""
 
-import base64
-import hashlib
 import re
 from dataclasses import replace
 from html import escape
@@ -58,7 +56,6 @@ def made(request: pytest.FixtureRequest) -> tuple[str, str, Outline]:
 
 
 def test_nothing_runs_and_nothing_is_fetched(made):
-    """And the policy allows the style of this page only."""
     _, whole, outline = made
     assert not {"script", "img", "iframe", "object", "a", "form", "base"} & set(outline.tags)
     for name, attribute, value in outline.attributes:
@@ -68,11 +65,6 @@ def test_nothing_runs_and_nothing_is_fetched(made):
             assert (name, value) == ("link", "data:,")
     style = re.search("<style>(.*?)</style>", whole, re.DOTALL)[1]
     assert not re.search(r"url\(|@import|https?:", style)
-    (policy,) = (value for _, name, value in outline.attributes
-                 if name == "content" and "default" in value)  # fmt: skip
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
-    assert policy.startswith(f"default-src 'none'; style-src 'sha256-{digest}'")
-    assert "unsafe" not in policy
 
 
 def test_every_picture_says_what_one_sees(made):

@@ -55,7 +55,6 @@ def numbers_in(value: object) -> Iterator[float]:
             yield from numbers_in(rows)
     elif isinstance(value, list):
         yield float(len(value))
-        yield float(sum(isinstance(each, dict) and each.get("minor", False) for each in value))
         yield from (found for each in value for found in numbers_in(each))
 
 

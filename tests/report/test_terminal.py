@@ -178,17 +178,6 @@ def test_columns_of_words_are_wrapped_before_numbers_move():
     assert len(first) == len(last)
 
 
-def test_blank_fields_are_lines_to_write_on():
-    page = doc.Page(
-        kind="Report", title="m", facts=doc.Facts((("Operator", None),)),
-        sections=[doc.Section("s", doc.Grid(("a", "b"), [("x", None)]))],
-        signatures=("Checked by",),
-    )  # fmt: skip
-    assert "Operator  ____" in shown(page)
-    assert "Checked by, date: ____" in shown(page)
-    assert "- Operator: \\_\\_" in markdown(page)
-
-
 def test_a_picture_that_characters_cannot_show_is_left_out():
     drawn = doc.Figure((), title="Residuals", plain=["Worst fits x.", doc.Listing(["x ██"])])
     page = of_blocks(doc.Figure((), title="Where gauges stood"), drawn)

@@ -103,9 +103,6 @@ def test_the_budget_holds_what_the_data_leave_open() -> None:
     std = np.array([each.std for each in answer.parameters])
     assert np.sum([np.square(each.std) for each in answer.budget], axis=0) == pytest.approx(std**2)
     assert np.all(std > solution.budget.std_mm)
-    minor = np.sum([np.square(each.std) for each in answer.budget if each.minor], axis=0)
-    assert np.square(answer.total.minor) == pytest.approx(minor)
-    assert np.all(minor < 0.01 * len(answer.budget) * std**2)
 
 
 def test_new_values_add_to_what_is_active() -> None:
@@ -202,7 +199,7 @@ def test_offsets_beyond_homing_are_questioned(stated, offset, usable):
     assert found.release.usable == found.release.sound == usable
     if not usable:
         (reason,) = sentences(found.release.reasons)
-        assert f"y {signed(offset, 1)} mm" in reason
+        assert f"y {signed(found.parameters[1].found, 3)} mm" in reason
         assert f"up to {model.machine.plausible[0]:g} mm" in reason
         assert "homing_mm" in sentences([found.release.remedies[0].sentence])[0]
 

@@ -12,6 +12,7 @@ from orthoglide_cal.model.machine import Details, OwnGauge
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.reports import verification_document
+from orthoglide_cal.report.figures import shims
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
 from orthoglide_cal.results.answer import identify
@@ -159,9 +160,8 @@ def test_the_shims_make_the_rails_meet() -> None:
         ]
 
     assert gaps() == pytest.approx(values.tolist())
-    for shim in case.answer.shims:
-        along = "xyz".index(shim.along[1])
-        points["xyz".index(shim.rail), along] += float(f"{shim.along[0]}{shim.mm}")
+    for rail, mm, along in shims("axis_gap", found.parameters):
+        points["xyz".index(rail), "xyz".index(along[1])] += float(f"{along[0]}{mm}")
     assert gaps() == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     page = report_of(case).page()
     assert "axis_gap" in page.notice.title

@@ -150,13 +150,15 @@ def test_a_joined_session_is_gone_on_with_as_part_three(first: Path, tmp_path: P
 def test_a_table_is_gone_on_with(tmp_path: Path) -> None:
     """Typed readings of another part behind those of a CSV without times get none either."""
     sample = (SAMPLES / "double_posture_session.csv").read_text()
-    (tmp_path / "a.csv").write_text(re.sub("(?m),[^,]*$", "", sample))
-    finished(
+    sample = re.sub("(?m),[^,]*$", ",yes", sample).replace("yes", "simulated", 1)
+    (tmp_path / "a.csv").write_text(sample)
+    shown = finished(
         tmp_path,
         "b.yaml",
         *choice(tmp_path / "a.csv", is_turn),
         stdin="0.1\nk\n0.2\nk\ns all enough\n",
     )
+    assert shown.startswith("SIMULATED: ")
     old, new = read(tmp_path / "a.csv"), read(tmp_path / "b.yaml")
     n = len(old)
     assert new.value.tolist() == [*old.value.tolist(), 0.1, 0.2]

@@ -11,11 +11,11 @@ from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution
+from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.files.input import adjustments_by
 from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, weighing
+from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, notes_on, weighing
 from orthoglide_cal.model.model import Estimate, Stage
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
@@ -59,6 +59,8 @@ _MOST_DIFFERENCES, _LARGEST_DIFFERENCES = 6, 3  # of more the largest are shown
 _MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
 _MOST_OPEN = 4  # explanations
 _MOST_LIKELY = 3  # of them in the title
+# A source that adds less than this share of every standard deviation has no line of its own.
+_MINOR = 0.1
 # Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
 # Lines of a solution: `measure` says before them where it has written, and after them what a
@@ -108,7 +110,9 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     enter = release.usable and release.needed
     parameters: list[doc.Block | None] = [_parameters_grid(case, brief=True), *_open_blocks(case)]
     largest = [_largest_words(case)] if answer.budget and enter else []
-    notes = [f"Note: {case.says(warning)}" for warning in _warnings(case)]
+    known = (*release.reasons, *release.cautions)
+    on_data = (note for note in notes_on(case.given.measured) if note not in known)
+    notes = [f"Note: {case.says(note)}" for note in on_data]
     numbers = [] if release.settled else [_deviations(case), _residual_words(case)]
     words = []
     if answer.deviations and not release.settled:
@@ -132,7 +136,7 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
 
     spare = [] if release.usable else notes
     most = _SOLVED if release.usable else _REFUSED + len(answer.parameters)
-    return fitting(page, others, meaning, largest, spare, lines=most - answer.simulated)
+    return fitting(page, others, meaning, largest, spare, lines=most)
 
 
 def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
@@ -204,8 +208,8 @@ def evidence(case: Case) -> Iterator[doc.Section]:
         *map(doc.small, (*_notes(case), *_assumptions(case))),
     )
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
-    if answer.total is not None:
-        yield budget_section(case.machine, answer.budget, answer.total)
+    if answer.budget:
+        yield budget_section(case.machine, Budget(answer.budget))
 
 
 # --- the decision -----------------------------------------------------------------------------
@@ -317,7 +321,7 @@ def _shares(answer: Answer) -> str:
 
 def steps_section(case: Case, steps: Iterable[doc.Line]) -> doc.Section:
     """The next steps, and what they do to the height of a nozzle."""
-    moved = (warning for warning in case.answer.warnings if warning.code in NOZZLE)
+    moved = (note for note in case.answer.notes if note.code in NOZZLE)
     return doc.next_steps(steps, *map(case.says, moved))
 
 
@@ -335,11 +339,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
             words, colon, typed = str(error).partition(": orthocal ")
             yield doc.step(f"{words}{colon[:1]}", f"orthocal {typed}" if typed else None)
             return
-    if release.settled:
-        yield from (doc.step(text, case.typed(verb)) for text, verb in case.machine.settled_steps)
-    elif release.usable:
+    if release.usable and release.needed:
         yield from _entering(case, brief)
-    else:
+    elif not release.usable:
         yield from case.remedies(*[RETAKE] * (brief and causes))
     if brief and causes:
         decided = verdict is Verdict.NAMED
@@ -350,9 +352,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Line]:
 def _diagnosis_steps(case: Case) -> Iterator[doc.Line]:
     """Next steps: what to do about the causes, then entering."""
     yield from case.remedies()
-    if case.answer.release.settled:
-        yield from to_do(case)
-    elif case.answer.release.usable:
+    if case.answer.release.usable and case.answer.release.needed:
         yield doc.step("See what to enter", case.typed("solve"))
 
 
@@ -384,8 +384,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Line]:
 def parameters_section(case: Case, *more: doc.Block | None) -> doc.Section:
     """The table under what it is of, in which unit, and how it is meant; with more below it."""
     words, named = case.words, case.answer.named
-    usable = case.answer.release.usable
-    kind = words.title if usable else f"Not to be entered: {words.many}"
+    kind = words.title if case.answer.release.usable else f"Not to be entered: {words.many}"
     causes = f" with {' and '.join(named)}" if named else ""
     relation = words.relation.replace("true position", "true")
     title = f"{kind}{causes}{case.machine.common_unit} ({relation})"
@@ -513,28 +512,24 @@ def _largest_words(case: Case) -> str:
     return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
-def budget_section(
-    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal
-) -> doc.Section:
-    """Each source with its size, and what it adds to each parameter."""
-    unit = machine.common_unit
+def budget_section(machine: Machine, budget: Budget) -> doc.Section:
+    """Each source with its size, and what it adds to each parameter, unless it is negligible."""
+    unit, u, sources = machine.common_unit, budget.std_mm, budget.contributions
+    lines = [line for line in sources if any(line.std > _MINOR * u)]
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
-        if not line.minor:
-            name = source_words(line.source, machine, line.possible)[0]
-            rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
-    if any(total.minor):
-        others = counted(sum(line.minor for line in lines), "other")
-        rows.append((others, "", "", *map(two_figures, total.minor)))
-    rows.append(("together, u", "", "", *map(two_figures, total.std)))
-    u = f"U = k·u, {coverage_words(total.k)}"
-    rows.append((u, "", "", *map(two_figures, total.expanded)))
-    largest = Budget(tuple(lines)).largest
+        name = source_words(line.source, machine, line.possible)[0]
+        rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
+    rows.append(("together, u", "", "", *map(two_figures, u)))
+    expanded = map(two_figures, budget.expanded_mm)
+    rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *expanded))
+    largest = budget.largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
     heads = [name if unit else f"{name} ({its})" for name, its in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
+    text += " Negligible sources are not listed." * (len(lines) < len(sources))
     return doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
@@ -677,25 +672,15 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     for id, verb, times in large:
         stated = "usual" if CAUSES[id].assumed(machine) else "stated"
         key = CAUSES[id].key(machine)
-        real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
-        check = f"look for {real}, or correct {key} in the machine file."
+        check = f"look for the reason first, or correct {key} in the machine file."
         yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
     if answer.ruled_out:
         yield f"Ruled out by hand: {listed(answer.ruled_out)}."
     notes = [note for note in answer.notes if note not in answer.release.cautions]
     if brief:
         notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
-    else:
-        notes += (warning for warning in _warnings(case) if warning.code not in NOZZLE)
-    yield from dict.fromkeys(map(case.says, notes))
-
-
-def _warnings(case: Case) -> list[Reason]:
-    """Remarks about the data that do not stand in the decision."""
-    release = case.answer.release
-    doubts = (reason.data.get("doubt") for reason in release.reasons)
-    known = (*release.reasons, *release.cautions, *doubts)
-    return [warning for warning in case.answer.warnings if warning not in known]
+    # Those on the nozzle stand under the next steps.
+    yield from dict.fromkeys(case.says(note) for note in notes if note.code not in NOZZLE)
 
 
 def _assumptions(case: Case) -> Iterator[str]:

@@ -82,8 +82,7 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
             sections=[shapes, doc.Section("Sessions", table, *notes, expected, further)],
         )
 
-    data = partial(history.model_dump, mode="json", context=says)
-    return doc.Document(data, page, screen)
+    return doc.Document(partial(history.model_dump, mode="json", context=says), page, screen)
 
 
 def _notice(history: History) -> doc.Notice:

@@ -102,7 +102,7 @@ def plan_document(
             where, gives, lacks = (sentence(Reason.of(code, **of)) for code in codes)
             best = doc.Section("The fewest readings", where, (gives, typed), lacks)
             sections += [_ways(plan), best]
-        sections += [budget_section(machine, plan.budget, plan.total), _separation(plan)]
+        sections += [budget_section(machine, plan.chosen.budget), _separation(plan)]
         return doc.Page(
             kind="Plan",
             simulated=plan.simulated,
@@ -352,7 +352,6 @@ def _next_grid(plan: MeasurementPlan, *, chosen: slice | None = None) -> doc.Gri
     if chosen:
         return doc.Grid(heads, rows[chosen], words)
     if plan.now_mm is not None:
-        blank = [""] * (len(heads) - 2)
-        rows.insert(0, (*blank, two_figures(plan.now_mm), "nothing: U as it is"))
+        rows.insert(0, (*[""] * (len(heads) - 2), two_figures(plan.now_mm), "nothing: U as it is"))
     code = "ranked_by_time" if plan.next[0].between else "ranked_by_u"
     return doc.Grid(heads, rows, words, sentence(Reason.of(code, best=plan.next[0])))

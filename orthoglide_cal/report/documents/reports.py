@@ -105,8 +105,7 @@ def calibration_document(
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
             measured = _differences_left(left).blocks
-            steps = doc.next_steps(_verification_steps(left), *measured)
-            sheet = [_parameters_left(left), steps]
+            sheet = [_parameters_left(left), doc.next_steps(_verification_steps(left), *measured)]
         elif released:
             notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
         else:
@@ -153,12 +152,13 @@ def _causes(case: Case) -> list[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
     sections = list[doc.Section]()
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
-    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
+    steps = () if answer.release.usable else answer.release.remedies  # else what to enter
+    advised = " ".join(case.says(remedy.sentence) for remedy in steps)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
         title = f"{case.title_of(cause.id)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
-        if figures.moves_rails(cause.id) and answer.shims:
-            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+        if moves := figures.shims(cause.id, cause.parameters):
+            rows = [(rail, f"{plain(mm, 2)} mm", along) for rail, mm, along in moves]
             above = "U: 95 %. xy: how far rail x lies above rail y, along z; and so on."
             blocks += (doc.small(above), doc.Grid(("rail", "move by", "towards"), rows))
         if (remedy := case.says(cause.remedy)).rstrip(".") not in advised:
@@ -213,7 +213,10 @@ def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterat
         f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
         for when, _, mm, worst in views
     ]
-    if after is None:
+    if after:
+        unsure = two_figures(after.after_mm - after.left_mm)
+        lead.append(f"The uncertainty of the offsets left adds up to {unsure} mm.")
+    else:
         source = "All of that comes from uncertainty."
         if causes := " and ".join(cause.id for cause in case.known):
             source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
@@ -337,13 +340,11 @@ def _verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    if result.rms_reachable_mm is not None:
-        size = _size(result, result.rms_reachable_mm)
-        lines.append(f"With the parameters found afterwards it would be {size}.")
     done = []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
-        done.append(says(Reason.of(code, id=id, by=by, unit=CAUSES[id].unit)))
+        moves = [(name, size, CAUSES[id].unit) for name, size in by.items()]
+        done.append(says(Reason.of(code, id=id, by=moves)))
     if done:
         lines.append(" ".join(done))
     if result.response and result.answer:
@@ -406,11 +407,6 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
     if not result.kept:
-        if any(reason.code == "order_as_given" for reason in result.reservations):
-            typed = command("verify", after, before, machine=machine_file)
-            if not brief:
-                typed = command("report", after, machine=machine_file, after=before)
-            yield doc.step(f"If {after} was measured first", typed)
         if result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", after, machine=machine_file)
             yield doc.step("Find what else changed, or what was wrong before", typed)
@@ -495,13 +491,9 @@ def _parameters_left(result: Verification) -> doc.Section:
     }
     caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
     caption += " the second."
-    note = "What was found was entered."
+    note = None
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
-    elif not any(entered):
-        note = "Nothing was entered."
-    elif other := result.entered_otherwise:
-        note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 

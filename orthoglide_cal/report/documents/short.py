@@ -17,7 +17,7 @@ from orthoglide_cal.report.case import data_words, measure_again
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results.application import Application, Correction
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
-from orthoglide_cal.words import counted, decimals_for, plain, signed, two_figures
+from orthoglide_cal.words import counted, decimals_for, plain, signed, with_uncertainty
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
@@ -91,9 +91,12 @@ def application_document(application: Application) -> doc.Document:
     first = "The controller must hold the values of the last column and have been homed with them."
     if controller is not None and written is not None:
         head, none = ("line", "what", "now", "from now on"), "(no line)"
+        # Which axis a joint is follows from the file.
+        axes = {v.key.split()[0]: name for name, v in controller.settings.items() if name in before}
+        keys = [f"{axes.get(v.key.split()[0], '')} {v.key}".strip() for v in written.values]
         rows = [
-            (str(line.line), line.key, line.before or none, doc.strong(line.after or none))
-            for line in written.values
+            (str(line.line), key, line.before or none, doc.strong(line.after or none))
+            for key, line in zip(keys, written.values, strict=True)
         ]
         notes = map(sentence, application.remarks)
         caption = " ".join((f"Lines of {written.target}; all others stay.", *notes))
@@ -101,6 +104,7 @@ def application_document(application: Application) -> doc.Document:
             names = ", ".join(Path(table.path).name for table in written.tables)
             held = any(line.key.endswith("BACKLASH") for line in written.values)
             caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
+            caption += " Home offsets change so that the tables add nothing at the switches."
         restarts = controller.format == "linuxcnc" and not application.live
         first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
     sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
@@ -111,7 +115,7 @@ def application_document(application: Application) -> doc.Document:
         title, again = "To be recorded", doc.step(f"{words.anew}.", measure_again(given))
         compare, path = "Compare with the prediction.", given.measured.source.path
         if controller and controller.sha256 == entry.data_sha256:
-            compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
+            compare, path = f"{compare} BEFORE: a copy of this file, made first.", "BEFORE"
         typed = command("verify", path, "AFTER", machine=given.machine_file)
         steps += [again, doc.step(compare, typed)]
     sections.append(doc.Section(None, doc.Instructions(steps)))
@@ -129,7 +133,7 @@ def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
     }
     rows = []
     for one in corrections:
-        size = f"{signed(one.value, 3)} ± {two_figures(one.expanded)} {one.unit}"
+        size = f"{with_uncertainty(one.value, one.expanded)} {one.unit}"
         gain = "" if one.gain_mm is None or one.left else plain(one.gain_mm, 3)
         # Without a place its sizes are of no use here.
         cause = (one.id, "") if one.left == "no_place" else (f"{one.id} {one.name}", size)
