@@ -221,8 +221,7 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
     in any case. Arguments as of `influences`.
     """
-    fixed = model.machine.fixed_parameters
-    return tuple(plausible_causes(fixed, model, offsets, plan)[1]) if fixed else ()
+    return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 
 def plausible_causes(
