@@ -109,21 +109,6 @@ def g29(machine: Delta, truth: Truth, noise: float = 0.0) -> str:
     return "\n".join(("Send: G29 V4", *lines, "Recv: ok", ""))
 
 
-def grid(machine: Delta, truth: Truth) -> str:
-    """Nine by nine places; what is out of reach was made up."""
-    side = np.linspace(10.0 - machine.bed, machine.bed - 10.0, 9)
-    x, y = (axis.ravel() for axis in np.meshgrid(side, side))
-    high = np.full(len(x), 7.77)
-    reached = np.hypot(x, y) <= machine.bed - 10.0 + 1e-9
-    high[reached] = heights(machine, truth, x[reached], y[reached])
-    high[0] = np.nan
-    texts = ["   =====" if np.isnan(z) else f" {z:+.4f}" for z in high]
-    rows = [f"{k:2}{''.join(row)}" for k, row in enumerate(np.reshape(texts, (9, 9)))]
-    index = "".join(f"{k:8}" for k in range(9))
-    fine = "Subdivided with CATMULL ROM Leveling Grid:\n     0\n 0 +9.0000 +9.0000\n"
-    return "\n".join(("Bilinear Leveling Grid:", index, *rows, "", fine))
-
-
 def g33(machine: Delta, truth: Truth, radius: float = 90.0, results: bool = True) -> str:
     """A dry run; the nozzle stands at the places."""
     turn = np.radians([210.0, 330.0, 90.0, 30.0, 150.0, 270.0])
@@ -171,7 +156,6 @@ FILES = {
     "heightmap.csv": height_map(EQUAL, OFF, noise=0.01),
     "console.txt": klipper_console(EQUAL, OFF, noise=0.01),
     "g29.txt": m503(EQUAL) + g29(EQUAL, OFF, noise=0.01) + g33(EQUAL, OFF),
-    "grid.txt": m503(EQUAL) + grid(EQUAL, OFF) + g33(EQUAL, OFF),
     "klippy.log": klippy_log(EQUAL, OFF, noise=0.01),
     "config.g": config_g(EQUAL),
 }

@@ -51,8 +51,7 @@ class AxisGap(Cause):
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""
-        shift = np.tensordot(theta, _SHIFT, axes=1)
-        return replace(geometry, points=geometry.points + shift)
+        return replace(geometry, points=geometry.points + np.tensordot(theta, _SHIFT, axes=1))
 
 
 class AxisSquareness(Cause):

@@ -82,8 +82,7 @@ class GaugeSlip(PatternCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         rows, first = plan.sequence
-        last = np.append(first[1:], True)
-        kept = np.sort(rows[~first & ~last]).tolist()
+        kept = np.sort(rows[~first & ~np.append(first[1:], True)]).tolist()
         return (*((i, 0) for i in range(len(plan))), *((i, 1) for i in kept))
 
     def onward(self, place: Place) -> bool:

@@ -22,10 +22,11 @@ def adjust(
 ) -> int:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
     from orthoglide_cal.causes import HOME_SWITCH
+    from orthoglide_cal.files.input import InputFile
     from orthoglide_cal.inference.diagnose import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
     from orthoglide_cal.report.documents.short import adjustment_document
-    from orthoglide_cal.results.answer import InputFile, MachineName
+    from orthoglide_cal.results.answer import MachineName
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
 
     if session == "-":

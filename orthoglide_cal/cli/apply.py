@@ -1,5 +1,6 @@
 """`orthocal apply`: what goes into the controller, written there if wanted, and recorded."""
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -32,6 +33,7 @@ def apply(
     from orthoglide_cal.files.controller_file import controller_file
     from orthoglide_cal.files.input import machine_of_controller, read_input
     from orthoglide_cal.files.moonraker import restart
+    from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.report.documents.short import application_document
     from orthoglide_cal.report.sentences import sentence
     from orthoglide_cal.results.application import apply as application
@@ -43,7 +45,10 @@ def apply(
         raise UsageError("It is not clear which offsets were entered.", "Name the session.")
     agrees = common.agreement(yes, "`apply` asks before it changes anything.")
     controller = controller_file(to) if to else None
-    known = machine or (machine_of_controller(Path(), controller) if controller else None)
+    # A printer's own settings are no place to record anything.
+    read = common.known_machine(machine) if str(machine) != "-" else None
+    known = None if isinstance(read, PrinterFile) else machine
+    known = known or (machine_of_controller(Path(), controller) if controller else None)
     if undo:
         file = common.own_machine_file(known)
         sha256 = read_input(session, file.model).measured.source.sha256 if session else None
@@ -53,6 +58,8 @@ def apply(
         given = common.read_input(session or "", machine, data, rule_out)
         keeper = keeper if known or to else given.keeper
         file = file_to_record_in(given, keeper, controller) or common.own_machine_file(None)
+        if machine and machine != known:  # it is judged later by what is recorded
+            given = replace(given, machine_file=Path(file.document.path))
         check_not_adjusted(given)
         corrects = controller.corrects(given.model.machine) if controller else ()
         case = common.judged(given, corrects=corrects)
@@ -78,7 +85,8 @@ def apply(
     if not entry.changes:
         common.tell(f"{sentence(Reason.of('nothing_to_enter'))} Nothing was changed.")
         return
-    common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
+    controlled = f" and {entry.controller.target}" if entry.controller else ""
+    common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}{controlled}.")
     question = "A LinuxCNC that holds the same offsets runs on this computer. Set them there,"
     if entry.live and agrees(f"{question} too, so that homing again is enough?"):
         entry.set_live()

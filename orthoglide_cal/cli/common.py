@@ -185,7 +185,7 @@ APPLIED = option(
     " the sessions or the machine file record.",
 )
 LIMIT = option(
-    "MM", "Largest permitted deviation of any difference; decides pass, fail or undecided."
+    "MM", "Largest permitted deviation of any difference: pass, fail or undecided.", min=1e-4
 )
 RULE_OUT = option("CAUSE", "A fault that you looked for and did not find; may be given repeatedly.")
 OUTPUT = option("FILE", "File to write. An existing file is never overwritten.", "--output", "-o")
@@ -309,16 +309,10 @@ def require_printer(source: Source, data: Data) -> None:
 
 @cache
 def read_machine_file(path: Path) -> StoredMachine:
-    """A machine file, read once in a command; in a terminal, what is to be known of it is said."""
+    """A machine file, read once in a command."""
     from orthoglide_cal.files.machine_file import read_machine_file as read
 
-    file = read(path)
-    if file.remarks and sys.stderr.isatty():
-        from orthoglide_cal.report.sentences import sentence
-
-        for remark in file.remarks:
-            tell(f"{file_words(str(path))}: {sentence(remark)}")
-    return file
+    return read(path)
 
 
 @cache

@@ -48,7 +48,7 @@ def export(
     case.require_usable(force)
     identity = identify([given], case.answer.method, machine)
     if format == "table":
-        text = controller.as_table(compensation(given.model), case, identity)
+        text = controller.as_table(compensation(given.model), case)
     else:
         text = controller.exported(format, case, identity)
     text = common.json_line(case.data()) if json else text

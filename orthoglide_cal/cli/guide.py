@@ -32,14 +32,7 @@ def guide(
     """Show a page of the manual; in a pipe, as Markdown."""
     name, pages = " ".join(topic or ["index"]), _pages()
     if (wanted := _plain(name)) not in pages:
-        from difflib import get_close_matches
-
-        # A word of a name is as near as a slip of the finger.
-        near = [page for page in pages if wanted and wanted in page]
-        near += get_close_matches(wanted, pages, n=3)
-        names = ", ".join(pages[page].stem for page in dict.fromkeys(near))
-        fault = f"The guide has no page {name!r}." + (f" Nearest: {names}." if names else "")
-        raise UsageError(fault, "All pages: orthocal guide")
+        raise UsageError(f"The guide has no page {name!r}.", "All pages: orthocal guide")
     # Above its title stands what other pages take from the page of a cause.
     text = pages[wanted].read_text(encoding="utf-8")
     text = text.split("---\n", 2)[2].lstrip() if text.startswith("---\n") else text

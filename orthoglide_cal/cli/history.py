@@ -11,7 +11,9 @@ def history(
     sessions: list[str] = argument(
         "FILE", f"Sessions of one machine, or a folder. {MEASURED}.", required=True
     ),
-    limit: Number = option("MM", "Largest permitted change. Shows when a drift reaches it."),
+    limit: Number = option(
+        "MM", "Largest permitted change; shows when drift reaches it.", min=1e-4
+    ),
     dates: Text = option("DATES", "Dates of the files, in order: 2026-03-02,2026-04-07."),
     machine: File = common.MACHINE,
     data: common.Data = common.DATA,
@@ -28,7 +30,7 @@ def history(
     from orthoglide_cal.session.adjusting import adjusted_since
     from orthoglide_cal.words import counted
 
-    inputs, unread = [], list[str]()
+    inputs = []
     for given in map(Path, sessions):
         within = [*sessions_in(given), *sorted(printers_in(given))] if given.is_dir() else [given]
         for path in within:
@@ -39,10 +41,9 @@ def history(
                     error.remedy = f"{error.remedy} Or leave it out: name the other files.".strip()
                     raise
                 common.tell(f"Left out: {error}")
-                unread.append(path.name)
     with common.working(counted(len(inputs), "file")):
         adjusted = {one.measured.source.sha256: adjusted_since(one) for one in inputs}
-        comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted, unread)
+        comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted)
     page = history_document(comparison, machine)
     common.deliver(
         page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

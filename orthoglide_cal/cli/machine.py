@@ -1,6 +1,5 @@
 """`orthocal machine`: a machine file made by question and answer, and shown."""
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -130,7 +129,7 @@ def new(
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.sentences import sentence
 
-    for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
+    for doubt in common.read_machine_file(target).remarks:
         common.tell(sentence(doubt))
     common.tell(
         f"Written to {target}, with the usual size of each error (tolerances). Check its values."

@@ -44,7 +44,6 @@ def report(
     if limit is not None and no_differences:
         raise UsageError("--limit applies to differences of readings only.", "Leave it out.")
     judged = [given, *given.others]
-    options: tuple[object, ...] = () if limit is None else (limit,)
     if after is not None:
         later = common.read_input(after, machine, data)
         if no_differences:
@@ -54,7 +53,8 @@ def report(
         left = common.judged(later, details=True)
         with common.working(f"{path}, {after}"):
             verification = verify(given, later, applied, limit, adjusted_since(given), right)
-        judged, options = [*judged, *verification.inputs], verification.options or options
+        judged += verification.inputs
+    options = filter(None, (verification and verification.applied_mm, limit))
     identity = identify(judged, case.answer.method, machine, *options)
     document = calibration_document(case, identity, verification, limit, left)
     common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)

@@ -45,8 +45,7 @@ def _fitted(model: Model, readings: Readings) -> Effect | None:
     known = any(effect.cause is cause for effect in model.accepted)
     if known or distance.sum() < 2 * cause.unknowns or not cause.size(machine):
         return None
-    ratio = math.sqrt(_TRUST * plan.touches.sum() / distance.sum())
-    weight = np.where(distance, ratio, 1.0)
+    weight = np.where(distance, math.sqrt(_TRUST * plan.touches.sum() / distance.sum()), 1.0)
     unknowns = np.zeros(len(machine.parameter_names) + cause.unknowns)
     rest, arms = np.split(np.arange(len(unknowns)), [-cause.unknowns])
     for _ in range(_STEPS):

@@ -210,8 +210,7 @@ def _influences(
     if offsets.ndim == 1:
         return tuple(acting)
     # What does not depend on the offsets is the same at all of them.
-    shapes = ((*shape[:-1], *one.columns.shape[-2:]) for one in acting)
-    pairs = zip(acting, shapes, strict=True)
+    pairs = zip(acting, ((*shape[:-1], *one.columns.shape[-2:]) for one in acting), strict=True)
     return tuple(replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs)
 
 

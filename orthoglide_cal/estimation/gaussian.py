@@ -148,8 +148,7 @@ def mixture(
     weights, means = np.array(shares), np.stack(values)
     mean = weights @ means
     apart = means - mean
-    between = (apart.T * weights) @ apart
-    return mean, np.tensordot(weights, np.stack(covariances), axes=1) + between
+    return mean, np.tensordot(weights, np.stack(covariances), axes=1) + (apart.T * weights) @ apart
 
 
 @dataclass(frozen=True, eq=False)

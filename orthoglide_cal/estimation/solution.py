@@ -162,8 +162,7 @@ def zero_free(plan: Plan) -> Contrasts:
     """
     if plan is not plan.steps:
         return zero_free(plan.steps)
-    zeros = plan.precision[:, None] * plan.zeros
-    return Contrasts(np.linalg.qr(zeros)[0], plan.precision)
+    return Contrasts(np.linalg.qr(plan.precision[:, None] * plan.zeros)[0], plan.precision)
 
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:

@@ -14,7 +14,6 @@ decimals). Marlin prints, with anything in front of it:
 
     G33 V0 or V3   seven heights on a circle, and the settings at that moment
     G29 V4         "Bed X: … Y: … Z: …" for each touch; so does G30
-    G29, M420 V    "Bilinear Leveling Grid:", whose places are not printed
 
 Two more have their numbers in lines of their own:
 
@@ -42,7 +41,6 @@ from orthoglide_cal.files.printer_file import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     PrinterFile,
-    Texts,
     delta_of,
     heights_in,
     stored_grid,
@@ -52,7 +50,7 @@ from orthoglide_cal.files.printer_file import (
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.tree import Content
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
-from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
 
@@ -261,8 +259,6 @@ MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
 )
 _BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
-_GRID = re.compile(r"(?<!Subdivided )(?<!ROM )Bilinear Leveling Grid:")
-_ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
 _CALIBRATES = "G33 Auto Calibrate"
 _AT_RADIUS = re.compile(r"Checking\.\.\. AC at radius: ?([0-9.]+)")
 _SETTING = re.compile(r"\b(Height|Radius|[ET][xyz]): ?([-+]?[0-9.]+)")
@@ -291,17 +287,10 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
     # Line, x, y and height of each touch.
     circle, bed = list[Sequence[float]](), list[Sequence[float]]()
-    grid = dict[int, list[str]]()  # line → heights
     radius, printed_radius = reach, False  # of G33's circle [mm]
-    calibrating = in_grid = False
+    calibrating = False
     for number, line in enumerate(document.text.split("\n"), start=1):
         calibrating |= _CALIBRATES in line
-        if _GRID.search(line):
-            grid, in_grid = {}, True
-        elif in_grid and (match := _ROW.search(line)):
-            grid[number] = match[1].split()
-        else:
-            in_grid &= not grid
         with faults.noting(number, value=line.strip()):
             if match := _BED.search(line):
                 x, y, height = (within(text) for text in match.groups())
@@ -326,16 +315,6 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     if math.isnan(settings.probe[2]):
         remarks.append(Reason.of("m851_unknown"))
 
-    def needs_reach(name: str) -> None:
-        if not reach > 0.0:
-            fault = f"{name} does not print where it probed."
-            remedy = (
-                "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
-            )
-            raise InputError(fault, remedy, file=document.path)
-        margin = {"reach_mm": reach, "margin_mm": _MARGIN_MM}
-        remarks.append(Reason.of("marlin_reach", name=name, **margin))
-
     def stored(name: str, touches: Sequence[Sequence[float]]) -> Readings:
         """Touches with the settings of the last of them, counted from those at the end."""
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
@@ -355,13 +334,12 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
 
     data: dict[str, Readings] = {}
     if circle:
+        if not printed_radius and not reach > 0.0:
+            fault, remedy = "G33 does not print where it probed.", "Name the machine file, with"
+            raise InputError(fault, f"{remedy} bed_radius_mm: --machine", file=document.path)
         if not printed_radius:
-            needs_reach("G33")
-        remarks.append(Reason.of("averaged_places"))
+            remarks.append(Reason.of("marlin_reach", reach_mm=reach, margin_mm=_MARGIN_MM))
         data["calibration"] = stored("G33", circle)
-    if grid and not bed:
-        needs_reach("G29")
-        bed = _places(faults, grid, reach, offset)
     if bed:
         data["mesh"] = stored("G29", bed)
     if not data:
@@ -373,19 +351,6 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     return replace(
         settings, machine=changes[-1][1], probe=offset, data=data, remarks=tuple(remarks)
     )
-
-
-def _places(faults: Content, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
-    """Line, x, y and height of the points of a grid within reach: Marlin makes up the others."""
-    shape = len(grid), len(next(iter(grid.values())))
-    heights = heights_in(faults, grid, shape, "Send M420 V again.", "=+")
-    faults.check()
-    x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
-    heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
-    mesh = stored_grid(Source("", ""), x, y, heights, [*grid], offset)
-    points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
-    places: list[Sequence[float]] = points[mesh.plan.in_time].tolist()
-    return places
 
 
 # --- heights in lines of other consoles ---------------------------------------------------------

@@ -10,10 +10,10 @@ from glob import escape
 from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path, PurePath
-from typing import Annotated, Literal, NamedTuple, cast
+from typing import Annotated, Literal, NamedTuple, Self, cast
 
 import numpy as np
-from pydantic import InstanceOf, PlainSerializer
+from pydantic import Field, InstanceOf, PlainSerializer
 
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, visible
 from orthoglide_cal.files import gcode, klipper, machine_file
@@ -130,13 +130,22 @@ class Input:
         return active and moment is not None and moment < entered
 
 
-class CheckedFile(Schema):
-    """A file that was checked; None if it was refused before its content was looked at."""
+class InputFile(Schema):
+    """A file that was judged or checked; null where it was refused before it was read."""
 
     path: str
     sha256: str | None = None
-    kind: str | None = None  # readings, session, six, twelve, single or machine
-    readings: int = 0  # readings, or differences
+    kind: str | None = Field(None, description="readings, six, twelve or single")
+    readings: int = Field(0, description="readings, or differences")
+    data: str | None = Field(None, description="which measurement of a printer.cfg")
+
+    @classmethod
+    def of(cls, given: Input, **more: object) -> Self:
+        """The file of an input; `more` are other values, and those of further fields."""
+        measured, source = given.measured, given.measured.source
+        known = {"path": source.path, "sha256": source.sha256, "kind": measured.kind}
+        data = source.excerpt.data if source.excerpt else None
+        return cls.model_validate({**known, "readings": len(measured), "data": data, **more})
 
 
 _PRINTED = ("line", "column", "value", "what", "remedy")  # of a fault; its file is the input
@@ -150,7 +159,7 @@ class Check(Schema):
     """Result of a check: the object of `validate --json`."""
 
     schema_version: Literal[1] = 1
-    input: CheckedFile
+    input: InputFile
     machine: str | None = None  # that the file holds, or is judged by
     valid: bool = True
     simulated: bool = False  # some of it, or all
@@ -209,7 +218,7 @@ def check_file(
     Returns the measurement, too; None for a machine, or if the file is not valid. Raises
     InputError: the file cannot be opened, so that there is nothing to check.
     """
-    input, data = CheckedFile(path=path), read_bytes(path)
+    input, data = InputFile(path=path), read_bytes(path)
     try:
         file = document_from_bytes(data, path)
         input = input.changed(sha256=file.sha256)
@@ -225,7 +234,7 @@ def check_file(
         return Check(input=input, valid=False, problems=error.problems), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
-    input = input.changed(kind=kind, readings=len(measured))
+    input = InputFile.of(given, kind=kind)
     doubts = (
         *machine.instrument.doubts(measured),
         *machine.instrument.implausible().values(),

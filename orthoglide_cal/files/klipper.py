@@ -107,7 +107,6 @@ class Settings(Content):
         self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in typed_at)
-        self._cut_off = not saved_at
         before, heading, _ = f"\n{document.text}".partition(_HEADING)
         self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
         self.dropped = list(self._dropped(lines))
@@ -115,13 +114,6 @@ class Settings(Content):
             Reason.of("dropped", lines=lines, what=fault.what, remedy=fault.remedy)
             for fault in self.dropped[:1]
             for lines in [[str(f.line) for f in self.dropped if f.what == fault.what]]
-        ]
-        self.remarks += [
-            Reason.of("not_in_force", line=line, option=name, section=section, other=other)
-            for section in filter(_MATTERS.fullmatch, saved_at)
-            for name, (line, text) in saved[section].items()
-            for other, in_force in [typed[section].get(name, (0, text))]
-            if in_force.split() != text.split()
         ]
 
     def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
@@ -184,8 +176,6 @@ class Settings(Content):
         remedy = f"Add “{option}: …” to [{section}]."
         if self.included:
             remedy = f"Copy [{section}] from the included file into this one."
-        if self._cut_off:
-            remedy += " Or was the file cut off? The block that SAVE_CONFIG writes is missing."
         there, column, _ = self.place((section, option))
         self.add("The option is missing.", remedy, line=line or there, column=column)
 
@@ -422,8 +412,6 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     for option, (line, _) in options["bed_mesh"].items():
         if option in _ZEROS:
             remarks.append(Reason.of("mesh_zero", line=line, option=option))
-    if len(profiles) > 1:
-        remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
     if "points" not in options[section]:

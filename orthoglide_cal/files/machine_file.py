@@ -5,13 +5,13 @@ depends on which causes there are.
 """
 
 import functools
-import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path, PurePath
+from textwrap import indent
 from typing import Annotated, cast
 
 import numpy as np
@@ -19,11 +19,11 @@ import yaml
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError, visible
+from orthoglide_cal.errors import InputError, UsageError, visible
 from orthoglide_cal.files.text import FileText, document_from_bytes, free_path, read_document
 from orthoglide_cal.files.tree import WORDS, Content, Steps, dotted, load_tree, nearest, yaml_text
 from orthoglide_cal.model.kinds import MACHINES
-from orthoglide_cal.model.machine import Active, Corrections, Entered, Machine
+from orthoglide_cal.model.machine import Entered, Machine
 from orthoglide_cal.model.model import Effect, Estimate, Model
 from orthoglide_cal.schema import (
     Day,
@@ -364,67 +364,85 @@ def made_for(file: StoredMachine) -> str | None:
     return line.removeprefix(_MADE) if line.startswith(_MADE) else None
 
 
-def with_history(
-    file: StoredMachine, active: Active | None, corrected: Corrections | None, *history: Entered
-) -> StoredMachine:
-    """The file with other active values and corrections (None: the same), and one entry of the
-    history more or less, not written; the digest is still that of the file.
+def with_entry(file: StoredMachine, entry: Entered) -> StoredMachine:
+    """The file with what was entered, not written; the digest is still that of the file.
 
-    Every other byte stays, and a number moves as it is written: to take an entry back leaves what
-    was there before it. Raises InputError: it could not be read again.
+    The entry keeps the lines that it replaces, and every other byte stays. Raises InputError: it
+    could not be read again.
     """
-    model, document, past = file.model, file.document, file.model.machine.history
-    model = model if active is None else model.holding([*active.values()])
-    model = model if corrected is None else model.correcting(corrected)
-    model = replace(model, machine=model.machine.changed(history=history))
-    values, before = machine_values(model), machine_values(file.model)
-    content, text = load_tree(document), document.data.decode()
-    others = (key for key in values if values[key] != before.get(key))
-    new = {key: values[key] for key in others if key not in content.value}
-    changes: dict[Steps, object] = {(key,): value for key, value in new.items()}
-    for path, to in _differences(before, values):
-        if path[0] not in new:  # a key of the file's own becomes empty, and stays
-            changes[path] = to if path[1:] else to or {}
-    enters, both = len(history) > len(past), max(past, history, key=len)
-    remark = f"  # added by `orthocal apply`, {both[-1].date}"
-    for name, value in (both[-1].before or {}).items():
-        places: list[Steps] = [(_ACTIVE, name), ("history", len(both) - 1, "before", name)]
-        source, to = places if enters else places[::-1]
-        written = content.at(source)
-        if (enters or to in changes) and written and yaml_number(written) == value:
-            changes[to] = Verbatim(written)
-    if not enters:
-        added = re.findall(rf"^(\w+):.*{re.escape(remark)}\r?$", text, re.MULTILINE)
-        changes |= {(key,): None for key in added}
+    document, model, past = file.document, file.model, file.model.machine.history
+    text, line_end = _unified(document)
+    model = model if entry.after is None else model.holding([*entry.after.values()])
+    model = model if entry.corrected is None else model.correcting(entry.corrected)
+
+    def recorded(replaced: Mapping[str, str]) -> Model:
+        history = *past, entry.changed(replaced=replaced)
+        return replace(model, machine=model.machine.changed(history=history))
+
+    before, after = machine_values(file.model), machine_values(model)
+    replaced: dict[str, str] = {}
+    for key in (_ACTIVE, "corrected"):
+        if after.get(key) != before.get(key):
+            group = cast(Mapping[str, object], after[key])
+            lines = _numbered(text[slice(*_span(text, key))], key, group)
+            text, replaced[key] = _put(text, key, lines)
+    block = text[slice(*_span(text, "history"))]
+    listed = re.search("^( *)- ", block, re.MULTILINE)
+    if not listed:
+        replaced["history"] = block
+    made = recorded(replaced)
+    entries = cast(list[object], machine_values(made)["history"])
+    lines = yaml_text({"history": entries})
+    if listed:
+        item = indent(yaml_text(entries[-1:]), listed[1])
+        lines = block + item if block.endswith("\n") else f"{block}\n{item[:-1]}"
+    text, _ = _put(text, "history", lines)
     then = None
-    with suppress(InputError, yaml.YAMLError):
-        then = _stored(edited(text, changes, remark), document.path)
-    if then is None or machine_values(then.model) != values:  # a rare form of YAML
-        then = _stored(machine_text(model), document.path)
+    with suppress(InputError):
+        then = _stored(text.replace("\n", line_end), document.path)
+    if then is None or machine_values(then.model) != machine_values(made):  # a rare form of YAML
+        then = _stored(machine_text(recorded({"": document.data.decode()})), document.path)
     return replace(then, document=replace(then.document, sha256=document.sha256))
 
 
-def _differences(old: object, new: object, path: Steps = ()) -> Iterator[tuple[Steps, object]]:
-    """Where two trees of plain values differ, and what the new one has there; None for nothing."""
-    before, after = (dict(enumerate(v)) if isinstance(v, list) else v for v in (old, new))
-    if isinstance(before, dict) and isinstance(after, dict):
-        for step in {**before, **after}:
-            yield from _differences(before.get(step), after.get(step), (*path, step))
-    elif old != new:
-        yield path, new
+def without_entry(file: StoredMachine) -> StoredMachine:
+    """The file without its last entry, not written; what that replaced stands there again.
+
+    The digest is still that of the file. Raises UsageError: these lines were changed since.
+    """
+    document, last = file.document, file.model.machine.history[-1]
+    text, line_end = _unified(document)
+    block = text[slice(*_span(text, "history"))]
+    replaced = dict(last.replaced or {})
+    if others := re.match(r"(.*?\n( *)- .*)\n\2- ", block, re.DOTALL):
+        replaced.setdefault("history", others[1] + "\n" * block.endswith("\n"))
+    for key, lines in replaced.items():
+        text, _ = _put(text, key, lines)
+    text = replaced.get("", text.replace("\n", line_end))
+    with suppress(InputError):
+        then = _stored(text, document.path)
+        again = with_entry(then, last.changed(replaced=None))
+        if last.replaced is not None and again.document.data == document.data:
+            return replace(then, document=replace(then.document, sha256=document.sha256))
+    stood = {_ACTIVE: last.before, "corrected": last.corrected_before}
+    groups = [yaml_text({key: dict(group)}) for key, group in stood.items() if group is not None]
+    raise UsageError(
+        f"{document.path} does not hold what the entry of {last.date} left in it.",
+        "Restore it by hand: remove that entry of the history, and write\n" + "".join(groups),
+    )
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     """A machine file with these values, not written yet; the others are the shipped one's.
 
-    Dotted key → plain value, None to state nothing; without a kind it is an Orthoglide. Raises
-    InputError: they do not make a machine; each with its key, and no line: the file is not there
-    yet.
+    Dotted key → plain value; without a kind it is an Orthoglide. Raises InputError: they do not
+    make a machine; each with its key, and no line: the file is not there yet.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
-    shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
+    text = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
     values = {**values, "history": [], "complete": True}
-    text = edited(shipped, {tuple(key.split(".")): value for key, value in values.items()})
+    for key, value in values.items():
+        text = _with_value(text, key, value)
     try:
         return _stored(text, path)
     except InputError as error:
@@ -436,98 +454,49 @@ def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
 # Whoever edits one reads the result back, because YAML has forms that nobody writes.
 
 
-class Verbatim(str):
-    """A value as it stands in a file, where 0 and 0.0 are not the same."""
+def _unified(document: FileText) -> tuple[str, str]:
+    """The text of a file with "\n" as line ends, and its own; those of a file that mixes them."""
+    text = document.data.decode()
+    line_end = "\r\n" if text.count("\r\n") == text.count("\n") > 0 else "\n"
+    return text.replace(line_end, "\n"), line_end
 
 
-def edited(text: str, changes: Mapping[Steps, object], remark: str = "") -> str:
-    """The text of a YAML file with other values at some paths; every other byte stays.
+def _span(text: str, key: str) -> tuple[int, int]:
+    """Where the lines of a key at the top stand, or would; a new one comes last but `complete`."""
+    lines = rf"^{key}:.*\n?(?:(?:[ \t]*\n)*[ \t-].*\n?)*|^(?=complete:)|\Z"
+    return next(re.finditer(lines, text, re.MULTILINE)).span()
 
-    `edited("a: 1  # one\\n", {("a",): 2, ("b",): []})` is `"a: 2  # one\\nb: []\\n"`.
 
-    Args:
-        text: of a file that `load_tree` reads, with a group at its top.
-        changes: path → plain value, or `Verbatim`; None takes an entry out. A value takes the place
-            of the old one as a whole. A new entry comes last, but for `complete`.
-        remark: behind the first line of a new entry.
+def _put(text: str, key: str, lines: str) -> tuple[str, str]:
+    """The text with other lines of a key at its top, and those that stood there; "" for none.
+
+    A text without a last line end keeps none: to put back what stood there restores it.
     """
-    # In its own line ends; those of a file that mixes them stay.
-    end = "\r\n" if text.count("\r\n") == text.count("\n") > 0 else "\n"
-    text = text.replace(end, "\n")
-    for path, value in changes.items():
-        text = _changed(text, path, value, remark)
-    return text.replace("\n", end)
+    start, end = _span(text, key)
+    before, stood = text[:start], text[start:end]
+    if before and not before.endswith("\n"):
+        lines = f"\n{lines[:-1]}"
+    elif not lines and not stood.endswith("\n"):
+        before = before[:-1]
+    return before + lines + text[end:], stood
 
 
-def _changed(text: str, path: Steps, value: object, remark: str) -> str:
-    holder: yaml.Node | None = None  # key of the group
-    group = yaml.compose(text, Loader=yaml.SafeLoader)
-    for step in path[:-1]:
-        holder, group = _entries(group)[step]
-    assert group is not None
-    entries, step = _entries(group), path[-1]
-    entry = {step: value} if isinstance(step, str) else [value]
-    if step in entries and value is not None:
-        return _replaced(text, *entries[step], value)
-    if holder and len(entries) == (step in entries):
-        return _replaced(text, holder, group, [] if entries else entry)
-    if step in entries:
-        key, node = entries[step]
-        start, end = key.start_mark.index, _end(node)
-        if _is_block(group):  # with the line end before it: the last line may have none
-            return text[: text.rfind("\n", 0, start)] + text[_line_end(text, end) :]
-        return text[: text.rfind(",", 0, start)] + text[end:]
-    end = _end([node for name, (_, node) in entries.items() if name != "complete"][-1])
-    if not _is_block(group):
-        return f"{text[:end]}, {json.dumps(entry)[1:-1]}{text[end:]}"
-    lines = f"{step}:{_written(value)}" if isinstance(step, str) else yaml_text(entry)
-    end, (line, *more) = _line_end(text, end), lines.splitlines()
-    margin = "\n" + " " * group.start_mark.column
-    return margin.join((text[:end], line + remark, *more)) + text[end:]
+def _numbered(lines: str, key: str, group: Mapping[str, object]) -> str:
+    """The lines of a key with other numbers, in their places if they stand there as usual."""
+    for name, number in group.items():
+        lines = re.sub(rf"(\b{name}[\"']?:\s*)[^\s,}}#]+", rf"\g<1>{number}", lines, count=1)
+    with suppress(yaml.YAMLError):
+        if yaml.safe_load(lines) == {key: group}:
+            return lines
+    return yaml_text({key: group})
 
 
-def _replaced(text: str, key: yaml.Node, node: yaml.Node, value: object) -> str:
-    """With another value behind a key, or on the lines below it, whatever its form was."""
-    new = _written(value).replace("\n", "\n" + " " * key.start_mark.column)
-    colon, start, end = text.index(":", key.end_mark.index) + 1, node.start_mark.index, _end(node)
-    behind = text[end : _line_end(text, end)]  # a remark
-    if _is_block(node):
-        behind, start = text[colon : _line_end(text, colon)], colon
-    rest = text[_line_end(text, end) :]
-    if new.startswith("\n"):
-        return text[:colon] + behind + new + rest
-    return text[:colon] + (text[colon:start] or " ") + new.removeprefix(" ") + behind + rest
-
-
-def _entries(node: yaml.Node | None) -> dict[str | int, tuple[yaml.Node, yaml.Node]]:
-    """Key and value of each entry of a group; an item of a list stands for both."""
-    if isinstance(node, yaml.MappingNode):
-        return {key.value: (key, value) for key, value in node.value}
-    items = node.value if isinstance(node, yaml.SequenceNode) else ()
-    return {index: (item, item) for index, item in enumerate(items)}
-
-
-def _is_block(node: yaml.Node) -> bool:
-    return isinstance(node, yaml.CollectionNode) and not node.flow_style
-
-
-def _end(node: yaml.Node) -> int:
-    """Where the node's own text ends; the parser counts what follows a block to it."""
-    if not _is_block(node):
-        return int(node.end_mark.index)
-    last = node.value[-1]
-    return _end(last[1] if isinstance(last, tuple) else last)
-
-
-def _line_end(text: str, at: int) -> int:
-    """Where the line ends, without its line end."""
-    end = text.find("\n", at)
-    return len(text) if end < 0 else end
-
-
-def _written(value: object) -> str:
-    """A value as it stands behind `key:`, or on the lines below."""
-    if isinstance(value, Verbatim):
-        return f" {value}"
-    # The list keeps the dumper from writing a group of nothing but scalars in braces.
-    return yaml_text({"_": value, "__": []}).removeprefix("_:").removesuffix("\n__: []\n")
+def _with_value(text: str, path: str, value: object) -> str:
+    """The text of a shipped file with one value, of a key or of one in a group."""
+    group, _, key = path.rpartition(".")
+    start, end = _span(text, group or key)
+    line = yaml_text({key: value}).strip("{}\n")
+    standing = rf"\b{key}: (\[.*?\]|[^,}}#\n]*?)(?= *[,}}#\n])"
+    if stands := re.compile(standing).search(text, start, end):
+        return text[: stands.start()] + line + text[stands.end() :]
+    return f"{text[:end]}{'  ' if group else ''}{line}\n{text[end:]}"

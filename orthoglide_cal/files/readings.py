@@ -559,7 +559,7 @@ def readings_in(
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
     readings = readings_of(checked, machine, rows.source, lines)
-    remarks = (*remarks, *rows.remarks, *_remarks(readings, rows.cells, machine))
+    remarks = (*remarks, *rows.remarks, *_remarks(readings, machine))
     return replace(readings, remarks=remarks)
 
 
@@ -696,9 +696,7 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _remarks(
-    readings: Readings, rows: Sequence[Mapping[str, str]], machine: Machine
-) -> Iterator[Reason]:
+def _remarks(readings: Readings, machine: Machine) -> Iterator[Reason]:
     """Remarks on readings in which nothing is wrong."""
     travel = machine.instrument.most_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
@@ -708,16 +706,6 @@ def _remarks(
         yield Reason.of("beyond_range", **counts, range_mm=travel, line=line, value_mm=value)
     if not readings.timed:
         yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
-    if readings.timed or "cycle" in rows[0]:
-        # Cycle or minutes should tell repeats apart.
-        first: dict[frozenset[tuple[str, str]], int] = {}
-        again = []
-        for line, cells in zip(readings.line.tolist(), rows, strict=True):
-            content = frozenset(item for item in cells.items() if item[0] != "seq")
-            if first.setdefault(content, line) != line:
-                again.append({"line": line, "first": first[content]})
-        if again:
-            yield Reason.of("repeated_line", **again[0], count=len(again))
 
 
 # --- touches of a bed by a probe ----------------------------------------------------------------
@@ -790,8 +778,6 @@ def _differences(table: Table, machine: Machine) -> Differences:
     known = _BY_NAME[kind]
     if missing := [name for name in known if name not in values]:
         remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
-    if kind is DataKind.TWELVE and values.keys() <= _BY_NAME[DataKind.SINGLE].keys():
-        remarks.append(Reason.of("taken_as_twelve"))
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
     return Differences(kind, which, value, rows.source, remarks=tuple(remarks))

@@ -52,11 +52,10 @@ _ALSO = {  # also said of
     "float_type": "number_type",
     "enum": "literal_error",
     "dict_type": "model_type",
-    # Of named tuples, by other releases of pydantic.
+    # Of named tuples, by pydantic before 2.14.
     "missing_argument": "missing",
     "unexpected_keyword_argument": "extra_forbidden",
-    "mapping_type": "model_type",
-    "model_attributes_type": "model_type",
+    "arguments_type": "model_type",
 }
 _QUOTED = re.compile("'([^']*)'")
 _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
@@ -207,8 +206,7 @@ def _fields(annotation: object) -> dict[str, object]:
         return {name: field.annotation for name, field in annotation.model_fields.items()}
     if hasattr(annotation, "_fields"):
         return get_type_hints(annotation)
-    parts = (_fields(part).items() for part in get_args(annotation))
-    return dict(chain.from_iterable(parts))
+    return dict(chain.from_iterable(_fields(part).items() for part in get_args(annotation)))
 
 
 # --- YAML ---------------------------------------------------------------------------------------

@@ -49,8 +49,7 @@ WEIGHS = 0.01
 
 def is_sizeless(ids: Ids, part: Ids) -> bool:
     """Return whether a set adds to a part of it only faults without size, such as an exchange."""
-    more = set(ids) - set(part)
-    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in more)
+    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in set(ids) - set(part))
 
 
 def keep_ratio(ids: Ids, best: Ids) -> float:

@@ -644,8 +644,7 @@ class Diagnosis(Decision):
             noise, left = machine.instrument.noise_mm, white.rms(fit.left)
             if left > noise:
                 sizes = {"left_mm": left, "noise_mm": noise}
-                beyond = math.sqrt(left**2 - noise**2)
-                yield Reason.of("local_residual", **sizes, beyond_mm=beyond)
+                yield Reason.of("local_residual", **sizes, beyond_mm=math.sqrt(left**2 - noise**2))
 
 
 def fits_at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:

@@ -218,8 +218,7 @@ class Gaussian:
             stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=size2 > 0.0)
             turn = np.swapaxes(axes * stretch, -1, -2) * sizes[..., None, :]
             shrink = size2 / (variance + size2) / variance
-            one = _OneRatio(rows, variance, general, more, weighted, turn, shrink)
-            self._by_ratio.append(one)
+            self._by_ratio.append(_OneRatio(rows, variance, general, more, weighted, turn, shrink))
             log_det[..., rows] = np.log1p(size2 / variance).sum(axis=-1) + log_texture
         log_det += len(texture.axes) * np.log(noise.sigma**2)
         self._by_size = noise.log_weight - 0.5 * log_det

@@ -95,8 +95,7 @@ def _drifts(plan: Plan, fine: bool) -> Columns:
     since, longest = _clock(plan)
     periods = longest / turns
     turn = 2.0 * np.pi * since[:, None] / periods
-    terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(since)
-    return _by_mover(plan, terms, periods)
+    return _by_mover(plan, np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(since), periods)
 
 
 def _settles(plan: Plan, fine: bool) -> Columns:

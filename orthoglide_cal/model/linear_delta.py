@@ -437,8 +437,7 @@ class LinearDelta(Machine):
     def plausible(self) -> tuple[float, ...]:
         """A radius is measured with a ruler, and towers are bolted to plates [mm, deg]."""
         radius_mm, angle_deg = 5.0, 2.0
-        homing_mm = self.homing_mm or HOMING_MM
-        return (*[homing_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
+        return (*[self.homing_mm or HOMING_MM] * len(TOWERS), radius_mm, angle_deg, angle_deg)
 
     @property
     def travel_mm(self) -> float:
@@ -453,8 +452,7 @@ class LinearDelta(Machine):
     def nominal_rails(self) -> Geometry:
         """Upright rails on a circle; arms as long as the controller has them."""
         points = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
-        upright = np.tile([0.0, 0.0, 1.0], (3, 1))
-        return Geometry(points, upright, np.array(self.arm_length_mm))
+        return Geometry(points, np.tile([0.0, 0.0, 1.0], (3, 1)), np.array(self.arm_length_mm))
 
     @property
     def home_mm(self) -> float:

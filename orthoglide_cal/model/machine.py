@@ -124,6 +124,8 @@ class Entered(Schema):
     corrected: Corrections | None = None
     data_sha256: Digest  # of the measurement that they came from
     written: Written | None = None  # to the controller; None if it was typed in by hand
+    # Key of the machine file → its lines that this replaced, "" for none; or the whole file, by "".
+    replaced: Group[str] | None = None  # None in files of earlier versions
 
     @property
     def active(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -368,8 +368,7 @@ class Orthoglide(Machine):
     def uncertain(self, plan: GaugePlan, predict: Predicted) -> Iterator[Influence]:
         gauge, predicted = self.gauge, predict(plan)
         scale, assumed = stated_or(gauge.scale_u, SCALE_U)
-        columns = scale * predicted[..., None]
-        yield Influence(Origin.GAUGE_SCALE, scale, "", assumed, columns)
+        yield Influence(Origin.GAUGE_SCALE, scale, "", assumed, scale * predicted[..., None])
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
             size, assumed = stated_or(gauge.placement_mm, PLACEMENT_MM)

@@ -9,7 +9,6 @@ to p' = direct kinematics of the real machine at ρ + Δρ.
 """
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
@@ -18,7 +17,7 @@ from pydantic.json_schema import SkipJsonSchema
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model.kinematics import Command, Points
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
+from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Schema
 
 SAMPLES = 17  # along each edge of the cube
@@ -105,23 +104,12 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Compensation(ReadOnly):
-    """Joint corrections over the workspace.
+def compensation(model: Model, points: int = 7) -> Floats:
+    """Joint corrections over the workspace, for causes accepted for a machine; shape (n, 6) [mm].
 
-    For a machine with accepted causes no set of three offsets puts the tool right everywhere. At
-    each point p of a grid the correction is ρ* − ρ_nominal(p), where ρ* are the indicated joints
-    that really put the tool at p with the offsets entered in the controller.
-    """
-
-    causes: tuple[str, ...]  # ids that are compensated
-    left_out: tuple[str, ...]  # ids of accepted causes that no table can compensate
-    points_mm: Floats  # tool positions, shape (n, 3)
-    corrections_mm: Floats  # to be added to the nominal joint values, shape (n, 3)
-
-
-def compensation(model: Model, points: int = 7) -> Compensation:
-    """The table for the causes accepted for this machine, with `points` along each edge.
+    With causes no set of three offsets puts the tool right everywhere. At each tool position p of
+    a grid, with `points` along each edge, the correction is ρ* − ρ_nominal(p), where ρ* are the
+    indicated joints that really put the tool at p with the offsets entered in the controller.
 
     Raises UsageError: no accepted cause can be compensated; PostureError: a leg is too short for a
     point.
@@ -140,9 +128,4 @@ def compensation(model: Model, points: int = 7) -> Compensation:
         needed = needed + missing
         if float(np.abs(missing).max()) < 1e-9:
             break
-    return Compensation(
-        causes=tuple(effect.cause.id for effect in chosen),
-        left_out=tuple(e.cause.id for e in model.remaining() if not e.cause.compensable),
-        points_mm=grid,
-        corrections_mm=needed - nominal,
-    )
+    return read_only(np.hstack((grid, needed - nominal)))

@@ -121,8 +121,7 @@ def table_1(model: Model) -> Reproduction:
         for end in ends
         for leg, direction, posture in cells
     ]
-    jacobian = differentiate(model, np.zeros(3), plan_of(readings))[1]
-    tool, joint = np.split(jacobian, len(ends))
+    tool, joint = np.split(differentiate(model, np.zeros(3), plan_of(readings))[1], len(ends))
     rows = []
     for (leg, direction, posture), by_axis in zip(cells, (tool - joint).tolist(), strict=True):
         # Spanned by the leg and the third axis.

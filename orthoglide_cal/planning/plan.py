@@ -120,10 +120,8 @@ class SessionForecast(Schema):
     @computed_field
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """Of each parameter, in its unit: u from the scatter of the readings, u and U of all,
-        whether it is determined, and U of what other readings could reduce."""
+        """Of each parameter, in its unit: u from scatter, u and U of all, whether determined."""
         machine = self.model.machine
-        lessened = self.budget.without(machine.fixed_parameters)
         scatter = [part.std for part in self.budget.contributions if part.source in AVERAGED]
         columns = {
             "unit": machine.parameter_units,
@@ -131,7 +129,6 @@ class SessionForecast(Schema):
             "std": self.budget.std_mm.tolist(),
             "expanded": self.budget.expanded_mm.tolist(),
             "determined": machine.determined(self.budget.expanded_mm),
-            "lessened": lessened.expanded_mm.tolist(),
         }
         named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)
         return {name: dict(zip(columns, row, strict=True)) for name, row in named}

@@ -21,7 +21,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
-from orthoglide_cal.errors import InputError, PostureError, UsageError, command
+from orthoglide_cal.errors import PostureError, UsageError, command
 from orthoglide_cal.files.readings import places_csv
 from orthoglide_cal.files.text import FileText, csv_text, in_csv, read_document
 from orthoglide_cal.files.tree import Content, nearest
@@ -138,8 +138,7 @@ def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
 # Lines that are a comment beginning with "orthocal" are settings, notes, or the marker that says
 # where the blocks go; all others are copied as they stand.
 
-_OURS = re.compile(r"\s*(?:\(\s*orthocal\b([^()]*)\)|;\s*orthocal\b(.*))\s*", re.IGNORECASE)
-_AXIS_WORD = re.compile(r"[UVWABCXYZ]|[A-Z][A-Z0-9_]*=")
+_OURS = re.compile(r"\s*\(\s*orthocal\b([^()]*)\)\s*", re.IGNORECASE)
 _WAITS = text_that(
     re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+").fullmatch,
     "This code does not wait.",
@@ -157,24 +156,13 @@ _MODES = (
 )
 
 
-def _axes(value: object) -> tuple[str, ...]:
-    words = tuple(value.upper().split()) if isinstance(value, str) else ()
-    if len(set(words)) != 3 or len(words) != 3 or not all(map(_AXIS_WORD.fullmatch, words)):
-        raise InputError("These are not three axis words.", "Write X Y Z, or X1= Y1= Z1=.")
-    return words
-
-
 class Template(Schema):
     """A template as read."""
 
     before: tuple[str, ...]  # lines around the blocks
     after: tuple[str, ...]
-    semicolon: bool  # comments are written "; …" instead of "(…)", as the marker is
-    axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")  # axis words
     # Meaning of the numbers behind the axis words.
-    values: Annotated[Literal["joints", "displacements", "tool"], BeforeValidator(str.lower)] = (
-        "joints"
-    )
+    values: Annotated[Literal["joints", "tool"], BeforeValidator(str.lower)] = "joints"
     pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"  # waits at each posture
     feed: Positive = 1000.0  # between postures [mm/min]
     slow: Positive = 100.0  # on arrival [mm/min]
@@ -185,19 +173,19 @@ def _template(document: FileText, program: PostureProgram) -> Template:
     content, taken = Content(document), {block.first.block for block in program.blocks}
     known = [name for name, field in Template.model_fields.items() if not field.is_required()]
     settings = content.value = dict[str, str]()
-    before, after, marker = list[str](), list[str](), ""
+    before, after, marker = list[str](), list[str](), False
     modes: dict[int, tuple[int, str]] = {}
     for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
         if ours := _OURS.fullmatch(text):
-            key, _, value = (ours[1] or ours[2] or "").partition(":")
+            key, _, value = ours[1].partition(":")
             name = key.strip().lower()
             if name in settings or (name == "blocks" and marker):
                 content.add("This is given twice.", "Take one out.", line=line, value=key)
             elif name == "blocks":
-                marker = text.strip()
+                marker = True
             elif name in known:
                 settings[name], content.lines[name,] = " ".join(value.split()), line
-            elif name != "note":
+            elif name != "note" and text != "(orthocal axes: X Y Z)":  # of earlier templates
                 near = nearest(name, (*known, "note", "blocks"))
                 content.add("This is not a setting.", f"{near}{_PRINT}", line=line, value=name)
             continue
@@ -216,9 +204,8 @@ def _template(document: FileText, program: PostureProgram) -> Template:
     if not marker:
         wrong = "The template does not say where the blocks go."
         content.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")
-    around = {"before": before, "after": after, "semicolon": marker.startswith(";")}
     try:
-        template = Template.model_validate({**around, **settings})
+        template = Template.model_validate({"before": before, "after": after, **settings})
     except ValidationError as error:
         content.take(error, Template)
     content.check()
@@ -284,16 +271,12 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
         for line in textwrap.wrap(
             harmless, _COMMENT_WIDTH, subsequent_indent="- ", break_on_hyphens=False
         ):
-            lines.append(f"; {line}" if template.semicolon else f"({line})")
+            lines.append(f"({line})")
 
     def move(joints: Floats, feed: float) -> str:
         """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
-        values = joints
-        if template.values == "displacements":
-            values = joints - machine.home_mm
-        elif template.values == "tool":
-            values = machine.nominal_rails.tool_for(joints)
-        pairs = zip(template.axes, values, strict=True)
+        values = machine.nominal_rails.tool_for(joints) if template.values == "tool" else joints
+        pairs = zip("XYZ", values, strict=True)
         words = " ".join(f"{axis}{plain(value, _DECIMALS)}" for axis, value in pairs)
         return f"G1 {words} F{short(feed, 3)}"
 
@@ -318,12 +301,10 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
 
 def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     """Meaning of the numbers, the session of the blocks, and what the approach hides."""
-    home, names = short(program.machine.home_mm, _DECIMALS), " ".join(template.axes)
+    home = short(program.machine.home_mm, _DECIMALS)
     meaning = {
         "joints": f"joint positions as the controller shows them: all {home} at the"
         " isotropic posture",
-        "displacements": f"displacements of the carriages from the isotropic posture,"
-        f" where the joint positions are {home}",
         "tool": "tool positions: all 0 at the isotropic posture",
     }
     postures = counted(len(program.blocks), "posture")
@@ -331,7 +312,7 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     yield "Blocks and steps are those of this command, and of no other:"
     yield program.session
     yield (
-        f"{names} are {meaning[template.values]}. Absolute, in mm. Feeds in mm per minute. No"
+        f"X Y Z are {meaning[template.values]}. Absolute, in mm. Feeds in mm per minute. No"
         " work offset and no tool length may be active."
     )
     yield "Begin at the isotropic posture. To run a block again, drive there first."

@@ -16,8 +16,8 @@ from orthoglide_cal.files.controller_file import SAVED, firmware_machine, printe
 from orthoglide_cal.files.gcode import words_of
 from orthoglide_cal.files.text import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import Case, check_words
 from orthoglide_cal.report.sentences import FIRMWARES, cause_words
 from orthoglide_cal.results.answer import Identity
@@ -108,17 +108,12 @@ def _joints(case: Case) -> Iterator[str]:
     yield ""
 
 
-def as_table(table: Compensation, case: Case, identity: Identity) -> str:
+def as_table(corrections_mm: Floats, case: Case) -> str:
     """One row per grid point: where the tool is wanted, and what to add to the joint values."""
-    head = (
-        *(f"{axis}_mm" for axis in AXES),
-        *(f"add_to_joint_{axis}_mm" for axis in AXES),
-        *("status", "causes", "not_compensated", "number"),
-    )
+    added = (f"add_to_joint_{axis}_mm" for axis in AXES)
+    head = (*(f"{axis}_mm" for axis in AXES), *added, "status")
     status = "FORCED" if case.answer.release.reasons else "released"
-    stamp = (status, " ".join(table.causes), " ".join(table.left_out), identity.number)
-    values = np.hstack((table.points_mm, table.corrections_mm)).tolist()
-    return csv_text(head, ((*map(_number, row), *stamp) for row in values))
+    return csv_text(head, ((*map(_number, row), status) for row in corrections_mm.tolist()))
 
 
 # --- firmwares of a linear delta --------------------------------------------------------------

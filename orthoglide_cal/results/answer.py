@@ -14,7 +14,7 @@ from pydantic import AwareDatetime, Field, computed_field
 from orthoglide_cal import __version__
 from orthoglide_cal.estimation.budget import Contribution
 from orthoglide_cal.estimation.solution import PromisedDifference
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.inference.data import Ids
@@ -39,24 +39,6 @@ from orthoglide_cal.schema import Reason, Schema, Sentence
 STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
 # Options of `measure` in remedies: further readings after these; some of these once more.
 THEN, RETAKE = "--then", "--resume"
-
-
-class InputFile(Schema):
-    """The file that the answer is about."""
-
-    path: str
-    sha256: str
-    kind: str = Field(description="readings, six, twelve or single")
-    readings: int = Field(description="readings, or differences")
-    data: str | None = Field(None, description="which measurement of a printer.cfg")
-
-    @classmethod
-    def of(cls, given: Input, **more: object) -> Self:
-        """The file of an input; `more` are other values, and those of further fields."""
-        measured, source = given.measured, given.measured.source
-        known = {"path": source.path, "sha256": source.sha256, "kind": measured.kind}
-        data = source.excerpt.data if source.excerpt else None
-        return cls.model_validate({**known, "readings": len(measured), "data": data, **more})
 
 
 class MachineName(Schema):
@@ -168,7 +150,6 @@ class Residual(Schema):
     moved_mm: float | None = Field(
         None, description="since the gauge's reading before; null: the first of its set-up"
     )
-    weight: float = Field(1.0, description="1: as precise as most")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
     with_causes_mm: float | None = Field(
@@ -252,7 +233,6 @@ class Answer(Schema):
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
-    rivals: tuple[Ids, ...] = Field((), description="the same, those that act together as one")
     beyond_tolerance: tuple[TimesStated, ...] = Field(
         (), description="would explain what is unexplained, far beyond their plausible size"
     )

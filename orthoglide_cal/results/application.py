@@ -30,7 +30,8 @@ from orthoglide_cal.files.machine_file import (
     StoredMachine,
     differing,
     new_machine_file,
-    with_history,
+    with_entry,
+    without_entry,
 )
 from orthoglide_cal.files.moonraker import server
 from orthoglide_cal.files.text import check_writable, write_text
@@ -41,13 +42,16 @@ from orthoglide_cal.model.model import Estimate, Model
 from orthoglide_cal.results.answer import Answer
 from orthoglide_cal.schema import Reason
 
+# What is fitted is entered with the parameters, whatever its U.
+Left = Literal["", "no_place", "no_origin", "below_u", "fitted"]
+
 
 class Correction(Estimate):
     """A parameter of a cause that acts, and what the controller's file does about it."""
 
     id: str  # of the cause
     gain_mm: float | None  # error of a carriage over its travel that this is; None for others
-    left: Literal["", "no_place", "no_origin", "below_u"]  # why it is not corrected; "" where it is
+    left: Left  # why it is not corrected; "" where it is
 
 
 @dataclass(frozen=True)
@@ -208,7 +212,7 @@ def apply(
         changes = {p.name: p.change(digits) for p in answer.parameters}
         written, data = controller.changed(model, changes, _added_to({}, made), digits)
     entry = entry.changed(written=written)
-    then = with_history(file, entry.after, entry.corrected, *history, entry)
+    then = with_entry(file, entry)
     return Application(
         file, entry, then, False, given, controller, written, data, corrections, tuple(remarks)
     )
@@ -263,6 +267,7 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
     """Faults of the joints, accepted or named, and whether the controller's file corrects them."""
     machine = model.machine
     known = [(effect.cause, size) for effect in model.remaining() for size in model.called(effect)]
+    fitted = {effect.cause.id for effect in model.accepted}.intersection(machine.fixed_parameters)
     if answer.verdict is Verdict.NAMED:
         known += [(CAUSES[c.id], size) for c in answer.causes for size in c.parameters]
     for cause, size in known:
@@ -273,8 +278,9 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
             theta = -cause.correcting(machine, {size.name: size.value}).theta
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
             gain = float(np.ptp(cause.correction(theta, travel, machine.home_mm)))
-        below = "below_u" if abs(size.value) <= size.expanded else ""
-        left = controller.hindrance(cause, machine) or below
+        left: Left = controller.hindrance(cause, machine)
+        if not left and abs(size.value) <= size.expanded:
+            left = "fitted" if cause.id in fitted else "below_u"
         yield Correction(id=cause.id, **dict(size), gain_mm=gain, left=left)
 
 
@@ -339,10 +345,11 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
     source, before = given.measured.source, given.model.machine.active
     _check_same_machine(given.model, file)
     if earlier := machine.entered_from(source.sha256):
+        to = earlier.written and earlier.written.target
         raise UsageError(
-            f"This measurement was applied already, on {earlier.date}.",
+            f"This measurement was applied already, on {earlier.date[:10]}.",
             "Measure again; or take it back, if it was not entered: "
-            + command("apply", source.path, machine=Path(path), options="--undo"),
+            + command("apply", source.path, machine=Path(path), to=to, options="--undo"),
         )
     active, began = given.model.machine.corrected, given.conditions.started
     # A session that says what is active, and began after the last entry, says it as it is.
@@ -371,15 +378,15 @@ def take_back(
     machine, path = file.model.machine, file.document.path
     if not machine.history:
         raise UsageError(f"{path} records nothing that could be taken back.", "Check the file.")
-    *history, last = machine.history
+    last = machine.history[-1]
     if sha256 is not None and last.data_sha256 != sha256:
         raise UsageError(
-            f"The last entry of {path}, of {last.date}, is from another measurement.",
+            f"The last entry of {path}, of {last.date[:10]}, is from another measurement.",
             "Only the last one can be taken back: leave the measurement out, or name its own.",
         )
     if last.after is not None and machine.active != last.active[1]:
         raise UsageError(
-            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date}.",
+            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date[:10]}.",
             "It was changed by hand: change it back by hand.",
         )
     written, data = last.written, b""
@@ -397,7 +404,7 @@ def take_back(
         controller = written = None  # the program was killed before it wrote that file
     elif written and controller:
         written, data = controller.restored(written)
-    then = with_history(file, last.before, last.corrected_before, *history)
+    then = without_entry(file)
     remarks = controller.remarks if controller else ()
     return Application(file, last, then, True, None, controller, written, data, (), remarks)
 

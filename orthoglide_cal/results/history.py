@@ -308,7 +308,6 @@ def compare(
     dates: Sequence[str] = (),
     limit_mm: float | None = None,
     adjusted: Mapping[str, Removed] = MappingProxyType({}),
-    unread: Sequence[str] = (),
 ) -> History:
     """Compare the sessions of a machine.
 
@@ -317,7 +316,6 @@ def compare(
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
         adjusted: digest of a session → what was adjusted after it.
-        unread: files of the folder that are left out, because they cannot be read.
 
     Raises:
         UsageError: not one machine, or dates that do not fit.
@@ -328,11 +326,9 @@ def compare(
             f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
-    if limit_mm is not None and limit_mm <= 0.0:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if dates:
         inputs = [*map(_of_date, inputs, dates)]
-    notes = [Reason.of("not_read", names=[*unread])] if unread else []
+    notes = list[Reason]()
     measured = [one for one in inputs if not one.measured.source.simulated]
     simulated = not measured
     if measured and len(measured) < len(inputs):
@@ -342,7 +338,7 @@ def compare(
         notes.append(Reason.of("stored_again", names=[inputs[k].name for k in copies]))
         inputs = [given for k, given in enumerate(inputs) if k not in copies]
     if len(inputs) < 2:
-        without = ": simulated, copied and unreadable ones do not count" * bool(notes)
+        without = ": simulated and copied ones do not count" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
             "Name the files. In a folder only sessions count, no tables (CSV): name those.",

@@ -37,14 +37,14 @@ from orthoglide_cal.estimation.solution import (
     rms,
     solve,
 )
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
+    WORTH_SAYING,
     NextMeasurement,
     Parameter,
     Verdict,
-    nothing_wrong,
 )
 from orthoglide_cal.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.model.machine import OwnGauge
@@ -62,7 +62,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("refuted", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
     "sensitivity",
 )
 
@@ -95,7 +95,7 @@ def answer_to(
     measured, model = given.measured, given.model
     machine, conditions = model.machine, validity(given)
     known = {
-        "input": schema.InputFile.of(given),
+        "input": InputFile.of(given),
         "machine": schema.MachineName(name=machine.name, kind=machine.kind),
         "validity": conditions,
         "simulated": measured.source.simulated,
@@ -213,7 +213,7 @@ def answer_to(
         ),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
-        inputs=tuple(map(schema.InputFile.of, dates)),
+        inputs=tuple(map(InputFile.of, dates)),
         dates=tuple(_of_dates(diagnosis, dates)),
     )
 
@@ -390,7 +390,6 @@ def _residuals(
         else:
             place = {
                 "cycle": int(measured.cycle[k]),
-                "weight": float(measured.weight[k]),
                 "posture": measured.posture[k] or None,
                 **measured.plan.entry(k),
                 "moved_mm": _number(moved[k]),
@@ -536,7 +535,7 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
     """Not released; what is wrong in any case comes first, then what decides."""
     ids = [cause.id for cause in diagnosis.causes]
-    sound = nothing_wrong(diagnosis.explanations) is not None
+    sound = any(e.sound and e.probability >= WORTH_SAYING for e in diagnosis.explanations)
     reasons = [Reason.of("undecided", answers=(ids, *diagnosis.rivals), sound=sound)]
     left_open = (set(fit.ids) for _, fit in diagnosis.left_open)
     sure = set() if sound else set.intersection(*left_open)
@@ -574,8 +573,7 @@ def _decisive(diagnosis: Diagnosis, following: NextMeasurement | None) -> Remedy
         return Remedy.of("decides", "measure", session, best=following)
     if not diagnosis.ambiguous_with:
         return Remedy.of("repeat_once")
-    doubted = [cause.id for cause in diagnosis.causes if cause.aliases]
-    ids = (*doubted, *diagnosis.ambiguous_with)
+    ids = (*[cause.id for cause in diagnosis.causes if cause.aliases], *diagnosis.ambiguous_with)
     in_machine = any(CAUSES[id].in_machine for id in ids)
     return Remedy.of("none_decides") if in_machine else Remedy.of("leave_out", ids=ids)
 
@@ -614,6 +612,9 @@ def _named(
         remedies.append(remedy)
         if cause.by_joint and machine.adds_to_joints:
             let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=finding.id)
+            remedies.append(let)
+        elif cause.with_travel or finding.id in machine.fixed_parameters:
+            let = Remedy.of("klipper_corrects", "apply", "--to printer.cfg", id=finding.id)
             remedies.append(let)
         beyond = any(abs(size.value) > size.expanded for size in finding.parameters)
         if cause.adjustable and beyond:

@@ -39,7 +39,7 @@ from orthoglide_cal.estimation.solution import (
     rms,
     table_kind,
 )
-from orthoglide_cal.files.input import Input, require_distinct, require_order
+from orthoglide_cal.files.input import Input, InputFile, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import Parameter
@@ -50,7 +50,7 @@ from orthoglide_cal.model.model import NORMAL_K, Effect, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
-from orthoglide_cal.results.answer import STEP_K, InputFile, Validity
+from orthoglide_cal.results.answer import STEP_K, Validity
 from orthoglide_cal.results.making import parameters_of, remainder, validity, widened
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
@@ -173,12 +173,6 @@ class Verification(Schema):
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
 
-    @property
-    def options(self) -> tuple[object, ...]:
-        """Options that the user chose besides the files."""
-        limit = self.decision and self.decision.limit_mm
-        return ([*self.applied_mm.values()], limit) if self.applied_mm else ()
-
 
 def verify(
     before: Input,
@@ -214,8 +208,6 @@ def verify(
         return _of_touches(before, after, applied_mm)
     if any(heights):
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
-    if limit_mm is not None and not 0.0 < limit_mm < np.inf:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     if different := differing(before.model, after.model):
         raise UsageError(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
@@ -293,7 +285,13 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     # A table says nothing of the firmware: with one machine file for both nobody knows.
     if machine != later or stated:
         entered = np.subtract(later.active, machine.active).round(9).tolist()
-    first, second = (_solved(given, given.model)[0] for given in (before, after))
+    keeper, sha256 = before.keeper, before.measured.source.sha256
+    entry = keeper.model.machine.entered_from(sha256) if keeper else None
+    corrected = _more(entry.corrected_before or {}, entry.corrected or {}) if entry else {}
+    # What the firmware corrects since then was wrong, and is promised not to be.
+    wrong = (effect.cause.at(-effect.theta) for effect in correcting(machine, corrected))
+    first = _solved(before, before.model.extended(wrong))[0]
+    second = _solved(after, after.model)[0]
     count, touches = (int(one.problem.plan.touches.sum()) for one in (first, second))
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
@@ -311,6 +309,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
+        corrected=corrected,
         compared=touches,
         kept=kept,
         moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
@@ -336,7 +335,7 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
     noise2 = white2 + float(np.trace(inner)) / count
     # tr(C²) and mᵀCm of C = σ²I + BBᵀ; m is what is more than noise.
     square = count * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
-    share = max(1.0 - noise2 * count / total, 0.0)
+    share = max(1.0 - noise2 * count / total, 0.0) if total else 0.0  # all may be equal
     along = share * (white2 * total + np.sum((left @ columns) ** 2))
     return total / count, math.sqrt(2.0 * square + 4.0 * along) / count, noise2
 

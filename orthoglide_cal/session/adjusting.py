@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import computed_field
 
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
-from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
+from orthoglide_cal.files.input import ADJUSTMENT, Input, InputFile, adjustments_by
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
@@ -24,7 +24,7 @@ from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.results.answer import InputFile, MachineName
+from orthoglide_cal.results.answer import MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events
 from orthoglide_cal.session.asking import Asker, Style

@@ -263,16 +263,10 @@ class Dialogue:
                 again = command("measure", str(self.path), options="--resume")
                 error.remedy += f" The readings are safe in the journal; then: {again}"
                 raise
-        state, first = self.state, self.setting.first
+        state = self.state
         counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
-        until = self.request.until_mm
-        if not (until is None or state.dropped or self._known_within(until)):
-            enough = command("plan", options=f"--target {until:g}")
-            lines.append(f"Not every offset is known within {until:g} mm. More cycles: {enough}")
-        if first:
-            lines.append(f"The {len(first.readings)} earlier readings are in the same file.")
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
@@ -628,10 +622,6 @@ class Dialogue:
             f" readings, {duration(clock(dropped)[-1]).lower()}.",
             Style.GOOD,
         )
-        if self.so_far.left:
-            self.asker.say(
-                "The closing isotropic posture is still read: it shows drift and knocks."
-            )
 
     # ---- keys
 
@@ -1090,7 +1080,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
 
 
 def session_path(given: Path) -> Path:
-    """The session file that is meant by a name, be it that of its journal or without a suffix.
+    """The session file that is meant by a name, which may have no suffix.
 
     Raises UsageError where it cannot be the name of a file.
     """
@@ -1099,8 +1089,6 @@ def session_path(given: Path) -> Path:
         raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
-    if given.suffix == JOURNAL:
-        return given.with_suffix(".yaml")
     if given.suffix in (".yaml", ".yml"):
         return given
     return given.with_name(f"{given.name}.yaml")

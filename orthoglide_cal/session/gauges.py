@@ -152,8 +152,6 @@ def parse_typed(text: str) -> Token:
     error = r"err|^\d\s+to\b"
     if _ERROR_CODES.fullmatch(plain) or re.search(error, plain, flags=re.IGNORECASE):
         raise InputError(f"{shown} is an error message of the gauge, not a reading.")
-    if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
-        raise InputError(f"{shown}: two numbers in one? Type one, such as -0.12.")
     raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 

@@ -503,8 +503,7 @@ class Evidence:
     @property
     def questioned(self) -> Bools:
         """True where a question is due, shape (q,)."""
-        together = (self.gains > math.log(RATIO)).any(axis=0)
-        return np.asarray((self.tail < RARE) | together)
+        return np.asarray((self.tail < RARE) | (self.gains > math.log(RATIO)).any(axis=0))
 
 
 def check(readings: ReadingsSoFar, unit: Unit) -> Question | None:

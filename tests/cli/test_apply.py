@@ -68,6 +68,7 @@ def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     assert changed == ["offsets_mm: {x: 0.0, y: 0.0, z: 0.0}"]
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
     (entry,) = history()
+    assert entry.pop("replaced")["offsets_mm"] == "offsets_mm: {x: 0.0, y: 0.0, z: 0.0}\n"
     assert list(entry) == ["date", "before", "after", "data_sha256"]
     assert {key: said[key] for key in entry} == entry
     assert said["machine_file"] == "machine.yaml"

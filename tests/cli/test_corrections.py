@@ -16,9 +16,9 @@ from orthoglide_cal.files.machine_file import (
     machine_values,
 )
 from tests.machines import ROOT
-from tests.printer_files import OFF, printer_cfg
+from tests.printer_files import OFF, exact, printer_cfg
 from tests.printers import CONFIG
-from tests.truth.delta import V400, Truth
+from tests.truth.delta import V400, Layout, Truth
 
 from .program import answer, as_measured, done, refused, run, words
 
@@ -82,8 +82,8 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     assert "Nothing to enter" in words(again.stderr)
     assert (large.read_bytes(), Path("mill.ini").read_bytes()) == before
     # What was measured before it is not entered twice, either.
-    assert "applied already" in refused(2, "apply", "before.csv", "--to", "mill.ini", "--yes")
-    done("apply", "--undo", "--to", "mill.ini", "--yes")
+    assert "mill.ini --undo" in refused(2, "apply", "before.csv", "--to", "mill.ini", "--yes")
+    assert "mill.ini." in run("apply", "--undo", "--to", "mill.ini", "--yes").stderr
     assert Path("mill.ini").read_text() == INI
     assert not list(Path().glob("*.comp"))
     assert large.read_text() == unchanged
@@ -172,6 +172,17 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     assert sum("angles than 90" in line for line in lines) == 1
 
 
+def test_a_printer_is_judged_by_its_settings_which_are_corrected(folder: Path) -> None:
+    Path("printer.cfg").write_text(printer_cfg(V400, Truth(), sections=""))
+    for name, share in (("before.csv", 1.0), ("after.csv", 0.0)):
+        truth = Truth(scales=share * np.array([4.0, -3.0, 1.0]))
+        Path(name).write_text(exact(V400, truth, Layout(61, heights=(0.0, 50.0, 100.0))))
+    settings = "--machine", "printer.cfg"
+    said = words(done("apply", "before.csv", *settings, "--to", "printer.cfg", "--yes"))
+    assert "verify before.csv AFTER --machine printer.yaml" in said
+    assert answer("verify", "before.csv", "after.csv", "--machine", "printer.yaml")["kept"]
+
+
 def test_arms_that_were_entered_are_not_entered_again(folder: Path) -> None:
     known = ACCEPTED.replace("encoder_scale", "leg_length").replace("1e-3", "mm")
     known = known.replace(" x:", " a:").replace(" y:", " b:").replace(" z:", " c:")
@@ -179,7 +190,8 @@ def test_arms_that_were_entered_are_not_entered_again(folder: Path) -> None:
     truth = replace(OFF, arms=np.array([0.4, -0.3, 0.01]))
     Path("printer.cfg").write_text(printer_cfg(V400, truth, noise=0.0, sections="c"))
     options = "printer.cfg", "--machine", "machine.yaml"
-    done("apply", *options, "--to", "printer.cfg", "--yes")
+    said = answer("apply", *options, "--to", "printer.cfg", "--yes")
+    assert [one["left"] for one in said["corrections"]] == ["", "", "fitted"]
     after = answer("solve", *options)
     assert after["rms"]["before_mm"] < 1e-4
     assert not any("Arms:" in note for note in after["notes"])

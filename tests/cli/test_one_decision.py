@@ -167,8 +167,7 @@ def test_equal_quantities_are_equal_to_the_last_digit() -> None:
     for make in (cases.healthy, cases.named_in_machine, cases.single, cases.unexplained):
         solved = make().answer
         lack = solved.lack_of_fit
-        residuals = [residual.weight * (residual.measured_mm - residual.modelled_mm) for residual in
-                     solved.residuals]  # fmt: skip
+        residuals = [row.measured_mm - row.modelled_mm for row in solved.residuals]
         assert float(np.sqrt(np.mean(np.square(residuals)))) == pytest.approx(
             lack.left_mm, rel=1e-12
         )

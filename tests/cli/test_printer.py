@@ -244,10 +244,6 @@ def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     (kept,) = yaml.safe_load(Path("known.yaml").read_text())["identified"]
     assert list(kept["parameters"]) == ["a", "b", "c"]
     assert kept["parameters"]["b"]["value"] == pytest.approx(-5.0, abs=0.3)
-    text = Path("known.yaml").read_text()
-    Path("other.yaml").write_text(text.replace("    b: {value", "    y: {value"))
-    back = refused(3, "solve", "belt.csv", "--machine", "other.yaml")
-    assert "encoder_scale has the parameters a, b, c." in back
     std = cause["parameters"][1]["std"]
     said = page("diagnose", "belt.csv", *MACHINE, "--details")
     shown = re.search(r"encoder_scale: a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
@@ -274,15 +270,6 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
     ):  # fmt: skip
         assert said
         assert not foreign.findall(said), said
-
-
-def test_what_is_not_recommended_is_not_accepted() -> None:
-    """Lost motion: a printer's firmware has no setting for it, and belts are tightened."""
-    back = run("diagnose", "lost.csv", *MACHINE, "--accept", "backlash", "--details")
-    assert back.exit_code == 4
-    assert "is not recommended" in back.stdout
-    assert "Making backlash part of the machine's model is not recommended" in back.stderr
-    assert not Path("v400-backlash.yaml").exists()
 
 
 # --- little, nothing, or nothing to change ----------------------------------------------------

@@ -17,7 +17,7 @@ from tests.printer_files import OFF
 
 from .helpers import MODEL, problems, saved, table
 from .test_controller_file import CFG, INI
-from .test_firmware_files import CONSOLE, G29, GRID, M503
+from .test_firmware_files import CONSOLE, G29, M503
 from .test_firmware_files import PRINTER as KNOWN
 from .test_machine_file import HISTORY, PRINTER, TEXT, accepted, text_with
 from .test_printer_file import GOOD
@@ -59,7 +59,6 @@ KINDS: dict[str, tuple[str, str, Reader]] = {
     "settings of firmware": (made.config_g(made.UNEVEN), "config.g", read_input),
     "Marlin": (M503, "c.txt", read_input),
     "Marlin, its touches": (M503 + G29, "c.txt", read_input),
-    "Marlin, its grid": (GRID, "c.txt", read_input),
     "Marlin, G33 in silence": (M503 + SILENT, "c.txt", read_input),
     "a known printer": (CONSOLE, "c.txt", of_printer),
     "mill": (INI, "mill.ini", controller_file),

@@ -25,14 +25,12 @@ from .helpers import MODEL, problems, saved
 PRINTER = Model(printer(made.UNEVEN))
 MAP, CONSOLE = made.height_map(made.UNEVEN, OFF), made.klipper_console(made.UNEVEN, OFF)
 M503, G29 = made.m503(made.UNEVEN), made.g29(made.UNEVEN, OFF)
-GRID = M503 + made.grid(made.UNEVEN, OFF)
 # Of each format, what a printer wrote; without noise.
 TEXTS = {
     "heightmap.csv": MAP,
     "klipper.txt": CONSOLE,
     "new.txt": made.klipper_console(made.UNEVEN, OFF, new=True),
     "g29.txt": M503 + G29,
-    "grid.txt": GRID,
     "g33.txt": M503 + made.g33(made.UNEVEN, OFF),
     "klippy.log": made.klippy_log(made.UNEVEN, OFF),
 }
@@ -65,8 +63,7 @@ def own(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("name", TEXTS)
 def test_each_format_tells_what_the_machine_is(own: Path, name: str) -> None:
     """The files state settings and heights; what the truth is neither states."""
-    known = PRINTER if name == "grid.txt" else None
-    given = read_input(saved(own, TEXTS[name], name), known)
+    given = read_input(saved(own, TEXTS[name], name))
     assert np.abs(found(given) - true_parameters()).max() < 3e-4
 
 

@@ -12,19 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import (
+    StoredMachine,
     default_machine,
-    edited,
     machine_file_in,
     machine_from_text,
     machine_in,
     machine_text,
     machine_values,
-    with_history,
+    with_entry,
+    without_entry,
 )
 from orthoglide_cal.files.readings import Session, session_text
+from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.files.tree import load_tree
 from orthoglide_cal.model.linear_delta import CALLIPER_MM
 from orthoglide_cal.model.machine import Details, Entered, JointOffsets, OwnGauge
@@ -56,19 +58,9 @@ def test_what_an_earlier_version_recorded_is_read():
 
 def test_what_could_not_be_read_again_is_not_recorded() -> None:
     """159.9 mm and 0.2 mm more are beyond the travel."""
-    file = machine_file_in(load_tree(document(TEXT.replace("{x: 0,", "{x: 159.9,"))))
-    before, after = ({"x": x, "y": 0.0, "z": 0.0} for x in (159.9, 160.1))
-    entry = Entered(date="2025-01-31", before=before, after=after, data_sha256=DIGEST)
+    file = stored(TEXT.replace("{x: 0,", "{x: 159.9,"))
     with pytest.raises(InputError, match="larger than the travel"):
-        with_history(file, after, None, entry)
-
-
-def test_an_entry_is_recorded_in_a_file_that_cannot_be_edited_in_place() -> None:
-    text = json.dumps({**yaml.safe_load(TEXT), "history": []})
-    before, after = ({"x": x, "y": 0.0, "z": 0.0} for x in (0.0, 0.1))
-    entry = Entered(date="2025-01-31", before=before, after=after, data_sha256=DIGEST)
-    file = with_history(machine_file_in(load_tree(document(text))), after, None, entry)
-    assert read(file.document.text).machine.history == (entry,)
+        with_entry(file, entry(159.9, 160.1))
 
 
 def read(text: str) -> Model:
@@ -358,66 +350,62 @@ def test_a_file_of_ones_own_without_identified_gets_a_remark(tmp_path):
 # --- edited in place: what is not changed stays, letter by letter ------------------------------
 
 
-def test_only_the_line_of_the_key_changes() -> None:
-    new = edited(TEXT, {("leg_length_mm",): 400, ("gauge", "range_mm"): 12.5})
-    before, after = TEXT.splitlines(), new.splitlines()
-    assert [(a, b) for a, b in zip(before, after, strict=True) if a != b] == [
-        (
-            "leg_length_mm: 310.25          # L, the parallelograms' length",
-            "leg_length_mm: 400          # L, the parallelograms' length",
-        ),
-        ("  range_mm: 10", "  range_mm: 12.5"),
-    ]
+def stored(text: str | bytes) -> StoredMachine:
+    data = text if isinstance(text, bytes) else text.encode()
+    return machine_file_in(load_tree(document_from_bytes(data, "m.yaml")))
 
 
-ENTRIES = [{"date": "2025-01-31", "before": {"x": 0.0}, "after": {"x": -0.25}}]
-OTHER = {"x": 0.43, "y": -0.2, "z": 0.0}
+def entry(before: float, after: float, day: int = 31) -> Entered:
+    first, then = ({"x": x, "y": 0.0, "z": 0.0} for x in (before, after))
+    return Entered(date=f"2025-01-{day}", before=first, after=then, data_sha256=DIGEST)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "name: a # b\noffsets_mm: {x: 0, y: 0, z: 0} # now\nidentified: []\n",
-        "offsets_mm:\n  x: 0   # first\n  y: 0\n  # of z\n  z: 0\nname: a",
-        "offsets_mm: {x: 0}\nhistory: []\nname: a\n",
-        "offsets_mm:\nhistory:\n\n# of the name\nname: a\n",
-        "offsets_mm: {x: 0,\n  y: 0, z: 0}\nhistory: ~ # none\nname: a\n",
-        "history:\n  - {date: a}\n  # second\n  - date: b\n    after: {x: 1} # end\nname: a\n",
-        'name: "a"\nhistory:\n- date: a\n  before: {x: 0}\n- {date: b}\n# the end\n',
-    ],
-)
-def test_values_are_those_asked_for_and_every_comment_outside_them_stays(text: str) -> None:
-    wanted = {"offsets_mm": OTHER, "history": ENTRIES}
-    offsets = {("offsets_mm", axis): value for axis, value in OTHER.items()}
-    whole = offsets if "# first" in text else {("offsets_mm",): OTHER}
-    new = edited(text, {**whole, ("history",): ENTRIES})
-    assert yaml.safe_load(new) == {**yaml.safe_load(text), **wanted}
-    for comment in ("# b", "# now", "# first", "# of z", "# of the name", "# none", "# the end"):
-        assert (comment in new) == (comment in text)
+KEY = "offsets_mm: {x: 0, y: 0, z: 0}"
+OLD = f"\n  - {{date: 2025-01-02, data_sha256: {DIGEST}}}"
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "a: 1\nh: []\n",
-        "a: 1\nh: [] # none",
-        "h:\n  - a: 0 # first\n\n# then\nb: 2\n",
-        "h:\r\n- {a: 0}\r\n- b: 1\r\n",
-        '{"h": [{"a": 0}, {"b": 1}], "complete": true}\n',
+        TEXT,
+        TEXT.replace(KEY, "offsets_mm: {x: 0.e0, 'y': \"0\",\n  z: +0} # now"),
+        TEXT.replace(KEY, "offsets_mm:\n  x: 0   # first\n  y: 0\n  # of z\n  z: 0"),
+        TEXT.replace(KEY, "offsets_mm:  # none"),
+        TEXT.replace(KEY, "# nothing"),
+        TEXT.replace("\n", "\r\n"),
+        TEXT.replace("\n", "\r\n", 9),
+        "\ufeff" + TEXT,
+        TEXT.rstrip(),
+        TEXT + "history:\n\n# end\n",
+        TEXT + "history: ~ # none",
+        TEXT + "history: []\ncomplete: true",
+        f"{TEXT}history: # old{OLD} # first{OLD}\n# end\n",
+        f"{TEXT}history:{OLD}",
+        f"{TEXT}history:\n# old{OLD}",
+        f"{TEXT}history: [{OLD[5:]}]\n",
+        json.dumps(parsed(TEXT)),
+        json.dumps(parsed(TEXT), indent=1),
     ],
-)
-def test_an_item_comes_last_and_goes_again(text: str) -> None:
-    items = yaml.safe_load(text)["h"]
-    new = edited(text, {("h", len(items)): {"x": 1, "y": [1, 2], "z": {"b": [{"c": 1}]}}}, " # no")
-    assert yaml.safe_load(new)["h"][:-1] == items
-    assert "\r" not in text or new.count("\r\n") == new.count("\n")
-    assert yaml.safe_load(new)["h"][-1]["z"] == {"b": [{"c": 1}]}
-    assert edited(new, {("h", len(items)): None}) == text
+)  # fmt: skip
+def test_what_is_entered_is_taken_back_to_the_byte(text: str) -> None:
+    files = [stored(text)]
+    for day, after in enumerate((0.43, 0.25, 1e-5), 11):
+        active = files[-1].model.machine.active[0]
+        files.append(stored(with_entry(files[-1], entry(active, after, day)).document.data))
+        assert files[-1].model.machine.history[-1].active[1] == (after, 0.0, 0.0)
+        assert files[-1].model.machine.active == (after, 0.0, 0.0)
+    for remark in ("# L, the", "# now", "# first", "# of z", "# end"):
+        assert (remark in files[-1].document.text) == (remark in text)
+    while len(files) > 1:
+        again = without_entry(files.pop()).document.data
+        assert again == files[-1].document.data
 
 
-@pytest.mark.parametrize("text", ["a: 1", "a:\n  b: 1 # b\n# end\n", "a: 1\n\ncomplete: true\n"])
-def test_a_key_comes_last_and_goes_again(text: str) -> None:
-    new = edited(text, {("h",): [{"x": 1}], ("v",): {"x": 1}}, " # new")
-    assert new.count(" # new\n") == 2 or new.endswith(" # new")
-    assert yaml.safe_load(new) == {**yaml.safe_load(text), "h": [{"x": 1}], "v": {"x": 1}}
-    assert edited(new, {("v",): None, ("h",): None}) == text
+@pytest.mark.parametrize(("old", "new"), [("{x: 0.4,", "{x:  0.4,"), (r"\n  replaced:.*", "")])
+def test_what_was_changed_since_is_to_be_restored_by_hand(old: str, new: str) -> None:
+    """Also entries of earlier versions, which did not keep what they replaced."""
+    text = with_entry(stored(TEXT), entry(0.0, 0.4)).document.text
+    changed = re.sub(old, new, text, flags=re.DOTALL)
+    assert changed != text
+    with pytest.raises(UsageError, match=r"(?s)by hand.*offsets_mm: {x: 0.0, y: 0.0, z: 0.0}"):
+        without_entry(stored(changed))

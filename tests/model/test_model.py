@@ -19,7 +19,6 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, So
 from orthoglide_cal.model.model import Effect, Place, simulate, synthetic_session
 from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.workspace import compensation
 from tests.machines import NOMINAL, PROTOTYPE, extended
 from tests.printers import PRINTER, standard_plan
 
@@ -132,7 +131,6 @@ def test_values_are_frozen_to_the_last_array() -> None:
         Differences(DataKind.SIX, wanted, np.zeros(6), Source("six.csv", "")),
         known.accepted[0],
         Command(np.ones((2, 3)), 1.0, np.ones(2), *np.zeros((2, 2, 3))),
-        compensation(known, 2),
         known.real.geometry,
         NOMINAL.machine.command(PLAN),
         solution,

@@ -9,7 +9,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.input import Check, CheckedFile
+from orthoglide_cal.files.input import Check, InputFile
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
@@ -21,13 +21,12 @@ from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.reports import calibration_document, verification_document
 from orthoglide_cal.report.documents.short import check_document, paper_document
-from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.schema import Reason
 from tests.machines import NOMINAL
 from tests.results import cases
-from tests.results.cases import CASES, GAP, GAPED, HOSTILE, ISSUED, case_of, identity_of
+from tests.results.cases import CASES, GAP, GAPED, HOSTILE, case_of, identity_of
 from tests.results.sessions import FINE, TRUE, given, session
 
 
@@ -72,8 +71,7 @@ def verified() -> Document:
     before = given(session(TRUE, 12, FINE), FINE)
     after = given(session(TRUE - TRUE[[1, 0, 2]], 13, GAPED), FINE)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.05)
-    identity = Identity(number="OC-012345-ABCDEF", issued=ISSUED, software="orthocal 0")
-    return verification_document(found, identity)
+    return verification_document(found)
 
 
 @listed
@@ -107,7 +105,7 @@ def faulty() -> Document:
         InputError("No axis.", "Write x, y or z.", line=2, column="leg", value=HOSTILE[3]),
         InputError(f"Columns {HOSTILE[2]} are not known."),
     )
-    file = CheckedFile(path=HOSTILE[3] + ".csv")
+    file = InputFile(path=HOSTILE[3] + ".csv")
     remarks = tuple(Reason.of("unknown_names", kind=t, names=[t], hints=t) for t in HOSTILE)
     return check_document(Check(input=file, valid=False, problems=problems, remarks=remarks))
 

@@ -106,12 +106,11 @@ def test_hostile_names_stay_words(name: str) -> None:
 def test_compensation_table_is_numbers() -> None:
     model = extended(axis_gap=(0.3, -0.2, 0.25), thermal_drift=(0.1, 0.1, 0.1))
     table = compensation(model, 3)
-    rows = list(csv.DictReader(io.StringIO(controller.as_table(table, *export(cases.healthy())))))
+    rows = list(csv.DictReader(io.StringIO(controller.as_table(table, cases.healthy()))))
     assert len(rows) == 27
-    assert {row["causes"] for row in rows} == {"axis_gap"}
-    assert {row["not_compensated"] for row in rows} == {"thermal_drift"}
+    assert {row["status"] for row in rows} == {"released"}
     first = np.array([float(rows[0][f"add_to_joint_{axis}_mm"]) for axis in "xyz"])
-    assert first == pytest.approx(table.corrections_mm[0], abs=5.1e-5)
+    assert first == pytest.approx(table[0, 3:], abs=5.1e-5)
 
 
 # --- lines for printers, read as each firmware documents them -----------------------------------

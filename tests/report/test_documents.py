@@ -15,7 +15,6 @@ from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import solution_document
 from orthoglide_cal.report.documents.reports import calibration_document, verification_document
 from orthoglide_cal.report.sentences import _SENTENCES
-from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
 from tests.machines import ROOT
@@ -75,8 +74,8 @@ def test_what_is_found_is_drawn_on_the_first_sheet() -> None:
 def test_what_was_applied_is_shown_to_its_last_digit() -> None:
     before, after = given(session(TRUE, 14)), given(session(np.zeros(3), 15))
     found = verify(before, after, (-0.5304, 0.59, -1.76))
-    page = verification_document(found, identify([], issued=cases.ISSUED)).page()
-    for block in (page.sheet[0].blocks[0], page.sections[0].blocks[1]):
+    page = verification_document(found).page()
+    for block in (page.sections[0].blocks[0], page.sections[2].blocks[1]):
         assert [set(row) & {"−0.5304", "+0.5900", "−1.7600"} for row in block.rows] == [
             {"−0.5304"}, {"+0.5900"}, {"−1.7600"},
         ]  # fmt: skip

@@ -151,7 +151,7 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
     assert "<div>Authorised by B. Petit, date</div>" in whole
 
 
-@pytest.mark.parametrize("name", ["healthy", "failed", "verified"])
+@pytest.mark.parametrize("name", ["healthy", "failed"])
 def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
     page = DOCUMENTS[name]().page()
     outline = outlined(html(page))

@@ -29,7 +29,7 @@ from tests.inference.sessions import given
 from tests.inference.test_printers import quartic
 from tests.machines import NOMINAL, SAMPLES
 from tests.report.test_terminal import shown, unwrapped
-from tests.results.cases import as_left, identity_of, named_in_machine, named_in_measurement
+from tests.results.cases import as_left, named_in_machine, named_in_measurement
 from tests.results.sessions import TRUE, session, write
 from tests.truth import delta
 
@@ -208,8 +208,7 @@ def test_what_to_measure_next() -> None:
 
 
 def test_a_verification() -> None:
-    case, found, _ = as_left()
-    screen(verification_document(found, identity_of(case)), MOST["verify"])
+    screen(verification_document(as_left()[1]), MOST["verify"])
 
 
 def test_the_folder_never_asks_to_apply_what_is_refused(

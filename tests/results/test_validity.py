@@ -15,7 +15,6 @@ from orthoglide_cal.report.documents.reports import verification_document
 from orthoglide_cal.report.figures import shims
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.making import validity
 from orthoglide_cal.results.verification import compare_reservations, verify
 from tests.machines import NOMINAL
@@ -104,7 +103,7 @@ def test_it_stands_beside_the_verdict_of_report_and_verify_and_in_json() -> None
     late = COMPLETE.changed(finished="2027-02-01T08:00:00+01:00")
     before, after = given(READINGS, NOMINAL, late), given(session(TRUE - TRUE, 5), NOMINAL, late)
     found = verify(before, after, TRUE.tolist())
-    verified = verification_document(found, identify([], issued=cases.ISSUED))
+    verified = verification_document(found)
     reported = report_of(case_of(before))
     for document, where, verdict in (
         (verified, (), "The correction worked as predicted, with a reservation."),
@@ -137,8 +136,8 @@ def test_a_simulated_session_is_no_certificate() -> None:
     one_is_enough = given(practised(session(0.0 * TRUE, 5)), NOMINAL, COMPLETE)
     found = verify(given(READINGS, NOMINAL, COMPLETE), one_is_enough, TRUE.tolist())
     assert found.simulated
-    verified = verification_document(found, identify([], issued=cases.ISSUED)).page()
-    assert (verified.stamp, verified.kind) == (stamp, "Practice report")
+    verified = verification_document(found).page()
+    assert (verified.stamp, verified.kind) == (stamp, "Verification")
     sound = html(report_of(cases.healthy()).page())
     assert "SIMULATED" not in sound
     assert "Practice" not in sound

@@ -18,7 +18,6 @@ from orthoglide_cal.model.model import Estimate, Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.reports import verification_document
-from orthoglide_cal.results.answer import identify
 from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.results.verification import _respond, shared_differences, verify
 from tests import truth
@@ -26,7 +25,7 @@ from tests.estimation.sessions import of_values
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
 from tests.readings import readings_of
-from tests.results.cases import GAPED, ISSUED
+from tests.results.cases import GAPED
 from tests.results.sessions import FINE, TRUE, given, session
 from tests.sentences import sentences
 from tests.truth import again
@@ -223,7 +222,7 @@ def test_decision_rule_with_guard_band(limit, outcome):
 
 def test_a_limit_below_u_can_never_be_kept():
     result = verify(before(1), paper(3), TRUE, limit_mm=0.018)
-    page = verification_document(result, identify([], issued=ISSUED)).page()
+    page = verification_document(result).page()
     assert "Nothing can pass: U exceeds the limit." in str(page.notice.lines)
     assert "measured 0.21 mm" in str(page.notice.lines)  # two decimals, as the coarser of both
 
@@ -231,7 +230,7 @@ def test_a_limit_below_u_can_never_be_kept():
 def test_the_report_keeps_the_limit_and_the_machine():
     first = replace(before(3), machine_file=Path("mill.yaml"))
     result = verify(first, after(TRUE, 4), TRUE, limit_mm=0.05)
-    screen = verification_document(result, identify([], issued=ISSUED)).screen
+    screen = verification_document(result).screen
     assert "--machine mill.yaml --after made.csv --limit 0.05" in str(screen().sections)
 
 
@@ -294,8 +293,6 @@ def test_usage_errors():
         verify(before(23), after(TRUE, 24), (0.0, 1e-300, 0.0))
     with pytest.raises(UsageError, match="Nothing was applied"):
         verify(paper(2), paper(3), (0.0, 0.0, 0.0))
-    with pytest.raises(UsageError, match="limit"):
-        verify(paper(2), paper(3), TRUE, limit_mm=0.0)
     heights = of_values(DataKind.SINGLE, [0.1, 0.2, 0.3, 0.1, 0.2, 0.4])
     with pytest.raises(UsageError, match="share fewer than four differences"):
         verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)

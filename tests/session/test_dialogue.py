@@ -93,7 +93,6 @@ def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> No
     lines = typed(readings_of(steps_of(), 4))
     dialogue, screen = answered(path, lines, first=opened(temperature_c=35.0), until_mm=0.001)
     dialogue.publish()
-    assert "Not every offset is known within 0.001 mm." in screen.text
     found = answer_to(read_input(str(dialogue.path)))
     sure = [line for line in found.budget if not line.possible]
     warmth = [line for line in sure if line.source == Origin.TEMPERATURE]

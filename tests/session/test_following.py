@@ -41,7 +41,6 @@ def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_pat
     words = " ".join(shown.split())
     assert f"Next, about {best.minutes:.0f} min: {sentence(best.what)}" in words
     assert f"about {best.minutes:.0f} min. ? is help." in words
-    assert "The 24 earlier readings are in the same file." in shown
     assert first.read_bytes() == before
     old, new = read(first), read(tmp_path / "b.yaml")
     n = len(old)

@@ -175,7 +175,6 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
 
 
 def test_names(tmp_path: Path) -> None:
-    assert session_path(Path("a.journal")) == Path("a.yaml")
     assert session_path(Path("a")) == Path("a.yaml")
     assert session_path(Path("a.yml")) == Path("a.yml")
     assert session_path(Path("2025.03.01")) == Path("2025.03.01.yaml")

@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.files.input import adjustments_by
-from orthoglide_cal.inference.result import Explanation, Parameter, Verdict, nothing_wrong
+from orthoglide_cal.inference.result import Explanation, Parameter, Verdict
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import NOZZLE, DataKind, Readings, notes_on, weighing
 from orthoglide_cal.model.model import Estimate, Stage
@@ -42,7 +42,6 @@ from orthoglide_cal.words import (
     difference_decimals,
     listed,
     number,
-    percent,
     plain,
     short,
     signed,
@@ -63,8 +62,7 @@ _MOST_LIKELY = 3  # of them in the title
 _MINOR = 0.1
 # Lines of a diagnosis; of an undecided one with the line before it that names the machine's file.
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 19
-# Lines of a solution: `measure` says before them where it has written, and after them what a
-# simulation hid. Of a refused one, in addition to those of its parameters.
+# Lines of a solution (`measure` has one before it); of a refused one without its parameters'.
 _SOLVED, _REFUSED = 23, 17
 
 
@@ -714,8 +712,7 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         return
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
     fit += weighing(case.given.measured)
-    always = f"as many {words.many} as readings: they always fit exactly"
-    yield "Fit", fit if lack.dof else always
+    yield "Fit", fit if lack.dof else f"as many {words.many} as readings: they always fit exactly"
     sizes = {
         "repeats": noise.repeats_mm,
         "residuals": noise.residuals_mm,
@@ -729,5 +726,3 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
     if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
         yield from ((e.id, case.title_of(e.id, len(e.parameters))) for e in answer.causes)
-    if answer.causes and (nothing := nothing_wrong(answer.explanations)) is not None:
-        yield "Sound", f"probability {percent(nothing, 1)} that nothing is wrong at all"

@@ -187,7 +187,9 @@ def _courses(history: History) -> doc.Figure:
     """A plot for each parameter: marks with U bars, what is fitted to them, and its number."""
     starts = [datetime.fromisoformat(s.started or "") for s in history.sessions if history.dated]
     times = [start.timestamp() for start in starts] or [*range(len(history.sessions))]
-    labels = [f"{start:%Y-%m}" for start in starts] or [str(k + 1) for k in times]
+    dated = ([f"{start:{form}}" for start in starts] for form in ("%Y-%m", "%m-%d", "%H:%M"))
+    every = [str(k) for k, _ in enumerate(times, 1)]  # where no form distinguishes first and last
+    labels = next((texts for texts in dated if texts[:1] != texts[-1:]), every)
     wide, top, bottom = 216.0, 26.0, 124.0
     across = figures.Scale.around(times, 58.0, wide - 18.0)
     places = [across(time) for time in times]
@@ -244,5 +246,4 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
     ]
     if np.array_equal(place, other):
         maps.append(figures.bed_map("difference", place, last - first, bed, largest))
-    key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
-    yield doc.Figure(maps, 2, key)
+    yield doc.Figure(maps, 2, f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out.")

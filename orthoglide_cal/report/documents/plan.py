@@ -263,7 +263,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         meaning.append("Noise: the part of u from scatter.")
     for name in machine.parameter_names:
         rows = (session.parameters[name] for session in shown)
-        columns[name] = [two_figures(row["lessened"]) if row["determined"] else "–" for row in rows]
+        columns[name] = [two_figures(row["expanded"]) if row["determined"] else "–" for row in rows]
     if plan.chosen.tool_mm is not None:
         columns["tool"] = [two_figures(session.tool_mm or 0.0) for session in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
@@ -274,10 +274,6 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
     if brief and not cycles:
         meaning = []
-    # A parameter that no layout determines would hide how they differ.
-    fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
-    if fixed:
-        meaning.append(f"No layout determines {' and '.join(fixed)}: U is here without it.")
     return doc.Grid.of(columns, () if cycles else (0,), " ".join(meaning))
 
 
@@ -301,8 +297,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     for k, (id, sound) in enumerate(plan.trace.items()):
         sizes = [sound, *(sigma[other, id] for other in names[:k])]
         shades = (next((sign for most, sign in _SHADES if size < most), "") for size in sizes)
-        numbers = (str(min(int(size), _MOST_SIGMA) or "") for size in sizes)
-        shown = map(str.__add__, shades, numbers)
+        shown = map(str.__add__, shades, (str(min(int(size), _MOST_SIGMA) or "") for size in sizes))
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
     heads = ("", "–", *letters[: len(names) - 1])
     caption = sentence(Reason.of("distances", most=_MOST_SIGMA))

@@ -1,10 +1,10 @@
-"""The numbered reports, with lines to sign on: of a calibration, and of its verification.
+"""The numbered report of a calibration, with lines to sign on, and the answer of its verification.
 
-The first sheet is what is pinned to the machine. Of a calibration: may the parameters be entered,
-the parameters with U, each difference as found and as left, what to do, under which conditions that
-holds. Of a result that is refused it says what is wrong, and nothing to sign for an adjustment.
-Behind it stands what that rests on. Of a verification: predicted against measured, and how the
-machine responded; a calibration report shows the same once the adjustment was measured.
+The first sheet is what is pinned to the machine: may the parameters be entered, the parameters with
+U, each difference as found and as left, what to do, under which conditions that holds. Of a result
+that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it stands what
+that rests on. A verification is predicted against measured, and how the machine responded; a report
+shows the same once the adjustment was measured.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +14,7 @@ from functools import partial
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.inference.sessions import Behaviour
@@ -35,7 +35,7 @@ from orthoglide_cal.report.documents.answer import (
 )
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
-from orthoglide_cal.results.answer import Answer, Identity, InputFile, Validity
+from orthoglide_cal.results.answer import Answer, Identity, Validity
 from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -95,7 +95,7 @@ def calibration_document(
 
     def page() -> doc.Page:
         machine, released = case.machine, answer.release.usable or left is not None
-        frame = _signed_page("Calibration report", machine, identity, left or answer)
+        frame = _signed_page(machine, identity, left or answer)
         causes, rivals = _causes(case), [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
@@ -284,13 +284,11 @@ def _origin(case: Case, left: Verification | None) -> doc.Section:
 # --- verification -------------------------------------------------------------------------------
 
 
-def verification_document(result: Verification, identity: Identity) -> doc.Document:
-    """The document, for any of the renderers."""
+def verification_document(result: Verification) -> doc.Document:
+    """The answer, all of it as a page."""
 
     def data() -> dict[str, object]:
-        issued = identity.issued.isoformat(timespec="seconds")
-        values = result.model_dump(mode="json", context=_says(result))
-        return {**values, "number": identity.number, "issued": issued}
+        return result.model_dump(mode="json", context=_says(result))
 
     def screen() -> doc.Page:
         parameters = f"Left: {sizes_words(result.after.parameters)}."
@@ -311,19 +309,18 @@ def verification_document(result: Verification, identity: Identity) -> doc.Docum
         return fitting(made, differences)
 
     def page() -> doc.Page:
-        frame = _signed_page(
-            "Verification report", result.inputs[1].model.machine, identity, result
-        )
-        return replace(
-            frame,
-            title=result.machine,
+        return doc.Page(
+            "Verification",
+            result.machine,
+            simulated=result.simulated,
             notice=_verification_notice(result),
-            sheet=(_parameters_left(result), _differences_left(result), *frame.sheet),
             sections=(
+                _parameters_left(result),
+                _differences_left(result),
                 doc.Section("How the machine responded", *_response(result)),
                 doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
+                doc.next_steps(_verification_steps(result, brief=True)),
             ),
-            signatures=("Measured by", "Checked by"),
         )
 
     return doc.Document(data, page, screen)
@@ -406,17 +403,16 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
     before, after = result.before.path, result.after.path
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
+    diagnosed = command("diagnose", after, machine=machine_file)
     if not result.kept:
         if result.answer is Behaviour.AS_MODELLED:
-            typed = command("diagnose", after, machine=machine_file)
-            yield doc.step("Find what else changed, or what was wrong before", typed)
+            yield doc.step("Find what else changed, or what was wrong before", diagnosed)
         elif remedy := _remedy(result):
             yield remedy
         yield "Measure again, and compare again"
     elif outcome is Outcome.FAIL:
-        typed = command("diagnose", after, machine=machine_file)
         text = "The offsets are right, but a deviation is beyond the limit: find its cause"
-        yield doc.step(text, typed)
+        yield doc.step(text, diagnosed)
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
@@ -547,9 +543,7 @@ def _response(result: Verification) -> Iterator[doc.Block]:
 # --- what both have -------------------------------------------------------------------------------
 
 
-def _signed_page(
-    kind: str, machine: Machine, identity: Identity, of: Answer | Verification
-) -> doc.Page:
+def _signed_page(machine: Machine, identity: Identity, of: Answer | Verification) -> doc.Page:
     """The beginning of a numbered page: its subject, and the conditions under which it holds.
 
     Of simulated readings it is no report.
@@ -570,7 +564,7 @@ def _signed_page(
     number = ("Number", doc.code(identity.number))
     issued = ("Issued", moment_words(identity.issued))
     return doc.Page(
-        kind="Practice report" if of.simulated else kind,
+        kind="Practice report" if of.simulated else "Calibration report",
         title=machine.name,
         number=identity.number,
         facts=doc.Facts((*_stated(machine, _OWNER), number, issued)),
@@ -609,7 +603,7 @@ def _circumstances(
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(temperatures) or None,
         "operator": validity.operator and doc.given(validity.operator),
-        "data": (f"{of.readings} {noun}, ", doc.code(of.sha256[:12])),
+        "data": (f"{of.readings} {noun}, ", doc.code(str(of.sha256)[:12])),
     }
     return [(name, rows[name]) for name in rows if name in ("measured", "data", *machine.noted)]
 

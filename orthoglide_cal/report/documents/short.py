@@ -130,6 +130,7 @@ def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
         "no_place": "the controller has no place for it",
         "no_origin": "MIN_LIMIT and MAX_LIMIT do not show where the isotropic posture is",
         "below_u": "not corrected: within U",
+        "fitted": "entered with the parameters",
     }
     rows = []
     for one in corrections:
