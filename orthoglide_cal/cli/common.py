@@ -437,7 +437,8 @@ def json_line(value: Mapping[str, object]) -> str:
     """One JSON object on one line; NaN is refused."""
     import json
 
-    return f"{json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False, check_circular=False)
+    return f"{text}\n"
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -468,7 +469,7 @@ def working(task: str) -> Iterator[None]:
     from rich import text
 
     # As text, not as markup: a file may be called a[/b].yaml.
-    status = console(stderr=True).status(text.Text(visible(f"{task} …")))
+    status = console(stderr=True).status(text.Text(visible(f"Calculating: {task} …")))
     timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()

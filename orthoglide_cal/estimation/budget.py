@@ -11,6 +11,7 @@ import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -36,7 +37,8 @@ class Scatter:
 
 def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
     """Student-t factor of a two-sided interval; the normal one for infinite dof."""
-    return float(stdtrit(dof, 0.5 + confidence / 2.0))
+    below = 0.5 + confidence / 2.0
+    return NormalDist().inv_cdf(below) if dof == math.inf else float(stdtrit(dof, below))
 
 
 class Contribution(Schema):
@@ -71,7 +73,7 @@ class Contribution(Schema):
     @computed_field(description="what it adds to each parameter's std")
     @property
     def std(self) -> tuple[float, ...]:
-        return tuple(np.sqrt(np.maximum(np.diag(self.covariance_mm2), 0.0)).tolist())
+        return tuple(np.sqrt(np.maximum(self.covariance_mm2.diagonal(), 0.0)).tolist())
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Budget:
     @property
     def std_mm(self) -> Floats:
         """Combined standard uncertainties u, shape (3,) [mm]."""
-        return np.sqrt(np.diag(self.covariance_mm2))
+        return np.sqrt(self.covariance_mm2.diagonal())
 
     @cached_property
     def dof(self) -> float:

@@ -37,7 +37,7 @@ from orthoglide_cal.inference.hypothesis import (
 from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
-from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, altered, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
@@ -131,7 +131,7 @@ class Fit(ReadOnly):
         shares = np.exp(by_noise - log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
         covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
-        return replace(self, sigma=sigma, covariance=covariance)
+        return altered(self, sigma=sigma, covariance=read_only(covariance))
 
     def with_effects(self, drafts: Sequence[Effect]) -> Fit:
         """The fit with these effects, of the sizes that it gives them, and their covariance."""
@@ -142,7 +142,7 @@ class Fit(ReadOnly):
             else effect
             for effect, slot in zip(drafts, self.slots, strict=True)
         ]
-        return replace(self, effects=tuple(effects))
+        return altered(self, effects=tuple(effects))
 
     @property
     def offsets_covariance(self) -> Floats:
@@ -177,7 +177,7 @@ class Fit(ReadOnly):
 
     @cached_property
     def is_local(self) -> Bools:
-        """Which unknowns are a local shape, shape (q,)."""
+        """True for unknowns that are a local shape, shape (q,)."""
         widths = [influence.columns.shape[1] for influence in self.uncertain]
         local = np.repeat([influence.local for influence in self.uncertain], widths)
         return read_only(np.append(np.zeros(self.first_uncertain), local), np.bool_)
@@ -275,7 +275,7 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     data = at.versions[hypothesis.version] - hypothesis.added
     # From where they were linearised: the offsets alone, fitted to the data as recorded.
     moved = np.abs(np.append(fit.offsets - at.offsets[0], fit.moved[width:end]))
-    if float(np.sqrt(np.mean(slopes**2, axis=0)) @ moved) > at.noise.stated:
+    if float(np.linalg.norm(slopes, axis=0) @ moved) > at.noise.stated * math.sqrt(len(slopes)):
         rounds = ROUNDS
     for _ in range(rounds):
         offsets, effects = fit.state
@@ -420,7 +420,7 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     fit = fit.with_effects([*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])])
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in fit.effects):
         log_evidence = -math.inf
-    return replace(fit, log_evidence=log_evidence + bounds, log_positive=bounds)
+    return altered(fit, log_evidence=log_evidence + bounds, log_positive=bounds)
 
 
 @dataclass(frozen=True)

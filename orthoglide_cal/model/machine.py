@@ -22,7 +22,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Va
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.losses import NEEDLESS_HOLD
-from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
+from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.readings import AXES, Posture
@@ -377,7 +377,7 @@ class Machine(Schema):
 
     @classmethod
     def of_kind(cls, values: Mapping[type[Machine], T], otherwise: T) -> T:
-        """What a table by kinds of machine says of this one."""
+        """Look this kind up in a table by kinds of machine."""
         return values.get(cls, otherwise)
 
     @classmethod
@@ -521,6 +521,10 @@ class Machine(Schema):
     @abstractmethod
     def home_mm(self) -> float:
         """Joint value from which displacements count [mm]."""
+
+    @abstractmethod
+    def command(self, plan: AnyPlan) -> Command:
+        """Where the carriages are sent; raises PostureError for a posture out of reach."""
 
     @abstractmethod
     def sensed(

@@ -163,7 +163,7 @@ def answer_to(
     elif named:
         left_mm = diagnosis.causes[0].rms_after_mm
     elif diagnosis.acting:
-        left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+        left_mm = diagnosis.acting[0].rms_after_mm
     else:
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
@@ -373,7 +373,7 @@ def _residuals(
     measured: Measured, solution: Solution, diagnosis: Diagnosis
 ) -> Iterator[schema.Residual]:
     """Every reading, in the order of the file."""
-    patterns, explained = diagnosis.acting, None
+    patterns, wrong, explained = diagnosis.acting, diagnosis.wrong_readings, None
     if diagnosis.causes or patterns:
         explained = diagnosis.explained_mm.tolist()
     modelled, in_time = solution.predicted_mm.tolist(), np.arange(len(measured))
@@ -397,7 +397,7 @@ def _residuals(
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
-                "wrong": k in diagnosis.wrong_readings,
+                "wrong": k in wrong,
             }
         both = explained[k] if explained else None
         left = {"measured_mm": value, "modelled_mm": modelled[k], "with_causes_mm": both}
