@@ -62,7 +62,7 @@ _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment
 _Fits = Sequence[tuple[float, Fit]]
 
 
-# As of `Pattern`: columns of unit size in v shapes (n, v, q) [mm], the number of the mover of each,
+# See `Pattern`: columns of unit size in v shapes (n, v, q) [mm], the number of the mover of each,
 # (q,), and parameters of the shapes, (v,).
 Columns = tuple[Floats, Ints | None, Floats | None]
 
