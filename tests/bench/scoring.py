@@ -137,19 +137,21 @@ class Rate(NamedTuple):
         return self.right / self.total
 
     @property
-    def least(self) -> float:
-        """The demanded rate; of so few that a sound method would often miss it, what it shows."""
-        required, sound = REQUIRED[self.kind]
-        return 0.0 if required is None else min(required, band(self.total, sound, 1.0)[0])
-
-    @property
     def met(self) -> bool:
-        return self.share >= self.least - 1e-9
+        return self.required is None or self.share >= self.required - 1e-9
 
     @property
     def false_failure(self) -> float:
-        """Chance that a sound method fails with so few sessions: below 1e-3."""
-        return chance_below(self.least, self.total, REQUIRED[self.kind][1])
+        """Chance that a sound method misses the demanded rate with so few sessions."""
+        required, sound = REQUIRED[self.kind]
+        return 0.0 if required is None else chance_below(required, self.total, sound)
+
+    @property
+    def chance_if_met(self) -> float:
+        """Chance of so few right answers if the true rate were exactly the demanded one."""
+        if self.required is None:
+            return 1.0
+        return float(binom.cdf(self.right, self.total, self.required))
 
 
 def rates(judged: Sequence[Judged]) -> list[Rate]:

@@ -32,14 +32,16 @@ from .scoring import rates
 
 
 def test_quick_bench_is_not_below_the_demands() -> None:
-    """Chance of false failure for a sound method: below 3e-3 over three rates.
+    """Fails a rate only if a method exactly at the demanded one had less than 1e-4 chance.
 
-    Pairs and effects beyond the list are those of `test_verdicts`.
+    Chance of false failure for a method at the demands: below 3e-4 over three rates; for a sound
+    one (99 %) below 1e-7. Pairs and effects beyond the list are those of `test_verdicts`.
     """
     counts = Counts(single=1, healthy=6, outside=0, pair=0)
     bench = run_bench(draw_gauges([PROTOTYPE], [MICRON], counts, seed=11))
     assert "error" not in {judged.answer.verdict for judged in bench.judged}
-    assert all(rate.met for rate in rates(bench.judged)), full_report(bench)
+    for rate in rates(bench.judged):
+        assert rate.chance_if_met > 1e-4, full_report(bench)
 
 
 @pytest.mark.slow
@@ -63,7 +65,6 @@ def test_full_bench_meets_the_demands() -> None:
 
 @pytest.mark.slow
 def test_full_bench_of_printers_meets_the_demands() -> None:
-    """Chance of false failure for a sound method: below 1e-3 for each of five rates."""
     bench = run_bench(draw_printers(FULL_PRINTERS, seed=1))
     assert {item.case.session.label for item in bench.judged} >= {HEALTHY, *DELTA_CAUSES}
     assert not failures(bench), full_report(bench)

@@ -92,7 +92,7 @@ def test_distinct_truths_must_come_first_and_close_ones_be_mentioned(
 def test_rates_count() -> None:
     answers = ((DISTINCT, "bar_skew"), (DISTINCT, "misread"), (CLOSE, "bar_skew"))
     distinct, close = rates([Judged(case, _named(id)) for case, id in answers])
-    assert (distinct.right, distinct.total, Rate("distinct", 0, 2).met) == (1, 2, False)
+    assert (distinct.right, distinct.total, distinct.met) == (1, 2, False)
     assert (close.right, close.total, close.met) == (1, 1, True)
 
 
@@ -109,10 +109,11 @@ def test_coverage_and_heldout_look_at_right_models_only() -> None:
 
 
 def test_binomial_chances_are_those_of_their_words() -> None:
-    # Below 40 % of 10 means at most 3; of 100 a sound method misses 5, and seldom 6.
+    # Below 40 % of 10 means at most 3; below 97 % of 100 at most 96.
     few = sum(comb(10, k) * 0.4**k * 0.6 ** (10 - k) for k in range(4))
     assert chance_below(0.4, 10, 0.4) == pytest.approx(few)
-    few = 1.0 - sum(comb(100, k) * 0.01**k * 0.99 ** (100 - k) for k in range(6))
+    assert Rate("outside", 3, 4).chance_if_met == pytest.approx(1.0 - 0.9**4)
+    few = 1.0 - sum(comb(100, k) * 0.01**k * 0.99 ** (100 - k) for k in range(4))
     assert Rate("distinct", 96, 100).false_failure == pytest.approx(few)
     low, high = band(400, 0.93, 0.97)
     assert 0.87 < low < 0.92
