@@ -228,14 +228,16 @@ class Fit(ReadOnly):
         """ln p of the data at the fit, without constant and sizes of causes, but with bounds."""
         return self.log_positive - 0.5 * self.square / self.noise.stated**2
 
-    @cached_property
+    @property
     def scaled(self) -> Floats:
         """Columns of unknowns of unit size, without a local shape: part of the noise, (k, r)."""
-        return read_only((self.columns * self.sizes)[:, ~self.is_local])
+        kept = ~self.is_local  # not kept: of thousands of touches hundreds of fits are
+        return np.asarray(self.columns[:, kept] * self.sizes[kept])
 
     def log_density(self, noise: NoiseGrid) -> Floats:
         """ln p of the data at each σ, with its weight, shape (g,)."""
-        density = Gaussian(self.scaled, np.ones((1, self.scaled.shape[1])), noise)
+        scaled = self.scaled
+        density = Gaussian(scaled, np.ones((1, scaled.shape[1])), noise)
         return np.asarray(density.by_noise(self.unexpected)[0])
 
     @cached_property
