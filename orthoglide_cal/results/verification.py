@@ -149,7 +149,7 @@ class Verification(Schema):
     reservations: tuple[Sentence, ...]  # what to know before relying on it
     rms_before_mm: float
     rms_promised_mm: float
-    # Of heights: U with which the two agree if all is as predicted.
+    # Of heights: how far they may lie apart, on the side of what was measured, to be as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
@@ -300,22 +300,22 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
     most = promised + 2.0 * len(entered) * noise2 / count + reach
-    kept = promised - reach <= now <= most
-    before_mm, promised_mm, after_mm, most_mm = np.sqrt((was, promised, now, most)).tolist()
+    squares = was, promised, now, max(promised - reach, 0.0), most
+    before_mm, promised_mm, after_mm, least_mm, most_mm = np.sqrt(squares).tolist()
     if promised_mm < A_PROMISE * before_mm:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
-        kept = kept and after_mm < (before_mm + promised_mm) / 2.0
+        most_mm = min(most_mm, (before_mm + promised_mm) / 2.0)
     nothing = not any(by is None or by for by in entered)
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
         corrected=corrected,
         compared=touches,
-        kept=kept,
+        kept=least_mm <= after_mm <= most_mm,
         moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
         rms_before_mm=before_mm,
         rms_promised_mm=promised_mm,
-        rms_expanded_mm=most_mm - promised_mm,
+        rms_expanded_mm=abs((least_mm if after_mm < promised_mm else most_mm) - promised_mm),
         rms_after_mm=after_mm,
     )
 

@@ -199,6 +199,24 @@ def test_no_better_than_before_is_not_as_promised() -> None:
     assert not compared["kept"]
 
 
+def test_where_no_improvement_was_predicted_the_headline_promises_none() -> None:
+    """A calibrated printer probed twice; its nozzle's note is about what is entered, and no title.
+
+    The amount stands beside the U within which it is as predicted, on its side.
+    """
+    for seed in (3, 4):
+        Path(f"{seed}.cfg").write_text(printer_cfg(CALIBRATED, Truth(), seed=seed))
+    both = ("verify", "3.cfg", "4.cfg", "--data", "calibration")
+    compared, shown = answer(*both), words(run(*both).stdout)
+    title = "The touches agree as predicted within U; no improvement was predicted, with a reser"
+    assert shown.startswith(f"! {title}")
+    assert re.search(r"Predicted \d+ ± \d+ µm, measured \d+ µm", shown)
+    assert "After, entering this lowers the nozzle" in shown
+    apart = abs(compared["rms_after_mm"] - compared["rms_promised_mm"])
+    assert compared["kept"]
+    assert apart <= compared["rms_expanded_mm"]
+
+
 def test_dates_of_one_printer_are_judged_together() -> None:
     Path("later.cfg").write_text(printer_cfg(CALIBRATED, Truth(), seed=4))
     both = ("diagnose", "printer.cfg", "later.cfg", "--data", "mesh", "--together")

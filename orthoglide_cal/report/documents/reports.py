@@ -36,7 +36,7 @@ from orthoglide_cal.report.documents.answer import (
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import Answer, Identity, Validity
-from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
+from orthoglide_cal.results.verification import A_PROMISE, Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
@@ -336,6 +336,8 @@ def _verification_notice(result: Verification) -> doc.Notice:
     says, outcome = _says(result), result.decision and result.decision.outcome
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
+    if result.rms_expanded_mm is not None:
+        promised = promised.replace("µm", f"± {_size(result, result.rms_expanded_mm)}")
     lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
     done = []
     for id, by in result.corrected.items():
@@ -361,12 +363,13 @@ def _verification_notice(result: Verification) -> doc.Notice:
         title = "The machine has moved: nothing was entered, and the touches agree worse"
         lines.append("Look for a part that was hit or came loose; then calibrate and probe again.")
     elif not result.differences:
-        better, came = result.rms_after_mm < result.rms_before_mm, "as predicted"
+        better = result.rms_after_mm < result.rms_before_mm
+        title = "The touches agree as predicted within U; no improvement was predicted"
         if not result.kept:
-            u = plain(1000.0 * (result.rms_expanded_mm or 0.0), 0)
-            came = f"{'but' if better else 'and'} not as predicted"
-            came += f" ({after} instead of {promised.removesuffix(' µm')} ± {u} µm)"
-        title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
+            degree = "better than before, but" if better else "no better than before, and"
+            title = f"The touches agree {degree} not as predicted ({after} instead of {promised})"
+        elif result.rms_promised_mm < A_PROMISE * result.rms_before_mm:
+            title = "The touches agree better than before, as predicted"
     elif not result.kept:
         title = "The correction did not work as predicted"
         if result.answer is Behaviour.AS_MODELLED:
@@ -380,7 +383,8 @@ def _verification_notice(result: Verification) -> doc.Notice:
     if unsure and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
     known = [*result.reservations]
-    worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in INVALIDATING]
+    worse = {*INVALIDATING} - {"nozzle_lower"}  # nothing is to be entered now
+    worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in worse]
     if worthless and tone is not doc.Tone.BAD:
         title, lines = says(worthless[0]).rstrip("."), [f"{title}.", *lines]
         known.remove(worthless[0])
