@@ -298,6 +298,18 @@ def test_what_a_page_says_and_does_not(line: str) -> None:
     tells(line)
 
 
+def test_where_nothing_is_to_be_entered_no_screen_allows_it() -> None:
+    """A probe that scatters by 0.19 mm; and 13 heights of which nothing is known."""
+    for count, name in ((61, "rough.csv"), (13, "junk.csv")):
+        noise = np.random.default_rng(6).uniform(
+            *((-0.3, 0.3) if count > 13 else (-5.0, 2.0)), count
+        )
+        Path(name).write_text(table(places_of(Layout(count), V400.bed).tolist(), noise))
+    rough, junk = (run("diagnose", name, *MACHINE).stdout for name in ("rough.csv", "junk.csv"))
+    holds(words(rough), ["! Not on the list", "Nothing to enter", "not:may be entered"])
+    holds(words(junk), ["Do not enter", "not:with them: ."])
+
+
 def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     """Within U, most of which is what the arms leave open: of all three endstops alike."""
     straight, solved = (found("solve", name, *MACHINE) for name in ("right.csv", "tilted.csv"))
