@@ -117,6 +117,9 @@ def run() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # What a command loads is no garbage: looking for some takes a tenth of its time.
     gc.set_threshold(100_000)
+    # Nor is memory that is free for a moment to be given back: malloc of Linux keeps as much as
+    # twice the largest block that was ever freed.
+    bytes(1 << 24)
     atexit.register(gc.freeze)
     codecs.register_error(_in_ascii.__name__, _in_ascii)
     for stream in (sys.stdout, sys.stderr):

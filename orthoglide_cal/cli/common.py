@@ -437,7 +437,8 @@ def json_line(value: Mapping[str, object]) -> str:
     """One JSON object on one line; NaN is refused."""
     import json
 
-    return f"{json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False, check_circular=False)
+    return f"{text}\n"
 
 
 def console(*, stderr: bool = False) -> Console:

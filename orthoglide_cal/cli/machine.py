@@ -129,7 +129,8 @@ def new(
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.sentences import sentence
 
-    for doubt in common.read_machine_file(target).remarks:
+    stored = common.read_machine_file(target).model.machine
+    for doubt in stored.instrument.implausible().values():
         common.tell(sentence(doubt))
     common.tell(
         f"Written to {target}, with the usual size of each error (tolerances). Check its values."

@@ -71,7 +71,7 @@ class Contribution(Schema):
     @computed_field(description="what it adds to each parameter's std")
     @property
     def std(self) -> tuple[float, ...]:
-        return tuple(np.sqrt(np.maximum(np.diag(self.covariance_mm2), 0.0)).tolist())
+        return tuple(np.sqrt(np.maximum(self.covariance_mm2.diagonal(), 0.0)).tolist())
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Budget:
     @property
     def std_mm(self) -> Floats:
         """Combined standard uncertainties u, shape (3,) [mm]."""
-        return np.sqrt(np.diag(self.covariance_mm2))
+        return np.sqrt(self.covariance_mm2.diagonal())
 
     @cached_property
     def dof(self) -> float:

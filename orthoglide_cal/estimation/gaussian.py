@@ -113,10 +113,12 @@ def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats
     """ln Σ exp along one axis or several, or of all entries."""
     if isinstance(axis, int) and values.shape[axis] == 1:
         return values.squeeze(axis)
-    top = values.max(axis=axis, keepdims=True)
+    top = np.maximum.reduce(values, axis, keepdims=True)
     share = values - top
     np.exp(share, out=share)
-    return np.asarray(np.log(share.sum(axis=axis)) + top.squeeze(axis))
+    total = np.log(np.add.reduce(share, axis, keepdims=True))
+    total += top
+    return np.asarray(total.squeeze(axis))
 
 
 def log_mean(values: Floats) -> float:

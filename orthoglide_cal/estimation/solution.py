@@ -25,7 +25,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
@@ -59,7 +58,7 @@ from orthoglide_cal.model.measured import (
 )
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import Bools, Floats, Numbers, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Numbers, Plan, ReadOnly, altered, read_only
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.schema import Schema
 
@@ -105,39 +104,38 @@ class Contrasts(ReadOnly):
 
     @cached_property
     def _reflected(self) -> tuple[Floats, Floats]:
-        """V, shape (m, s), and T, shape (s, s)."""
+        """V, shape (n, s), and the last k rows of V Tᵀ, shape (k, s)."""
         width = self.zeros.shape[1]
         packed, _ = np.linalg.qr(self.zeros, mode="raw")
         v = np.tril(packed.T, -1)
         v[np.arange(width), np.arange(width)] = 1.0
         inner = v.T @ v
         t = np.linalg.inv(np.triu(inner, 1) + np.diag(0.5 * np.diag(inner)))
-        return read_only(v), read_only(t)
+        return read_only(v), read_only(v[width:] @ t.T)
 
     def __len__(self) -> int:
         return len(self.zeros) - int(self.zeros.shape[1])
 
-    @cached_property
+    @property
     def T(self) -> Contrasts:
-        turned = copy(self)
-        vars(turned).update(turned=not self.turned, _reflected=self._reflected)  # worked out once
-        return turned
+        return altered(self, turned=not self.turned, _reflected=self._reflected)
 
     def __matmul__(self, values: Floats) -> Floats:
         """W y of readings (n,), or of columns (..., n, q); Wᵀ d of data if it is turned."""
         if values.ndim == 1:
             return np.asarray((self @ values[:, None])[:, 0])
-        v, t = self._reflected
+        v, last = self._reflected
         width, precision = v.shape[1], self.precision[:, None]
         if self.turned:
             values = self._weighed(values)
-            spread = -v @ (t @ (v[width:].T @ values))
+            spread = -v @ (last.T @ values)
             spread[..., width:, :] += values
-            return np.asarray(precision * spread)
+            spread *= precision
+            return np.asarray(spread)
         values = precision * values
-        inner = t.T @ (v.T @ values)
+        inner = v.T @ values
         values = values[..., width:, :]
-        values -= v[width:] @ inner
+        values -= last @ inner
         return self._weighed(values)
 
     def __rmatmul__(self, values: Floats) -> Floats:
@@ -196,7 +194,7 @@ class Problem(ReadOnly):
         `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
         """
         assert isinstance(self.matrix, Contrasts)
-        return replace(self, matrix=replace(self.matrix, shrunk=shrinking(ratio)))
+        return replace(self, matrix=altered(self.matrix, shrunk=shrinking(ratio)))
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -572,7 +570,7 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
 
 def rms(values: Floats) -> float:
     """Root mean square, in the unit of the values."""
-    return float(np.sqrt(np.mean(values**2)))
+    return math.sqrt(np.vdot(values, values) / values.size)
 
 
 def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
@@ -646,7 +644,7 @@ class Solution(OffsetEstimate):
         """Root mean square with zero offsets: of differences themselves, as in Table 4."""
         if isinstance(self.measured, Differences):
             return rms(self.data)
-        return self.at(0.0 * self.offsets_mm).rms_after_mm
+        return replace(self, offsets_mm=0.0 * self.offsets_mm).rms_after_mm
 
     @property
     def rms_after_mm(self) -> float:

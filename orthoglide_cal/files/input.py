@@ -226,11 +226,10 @@ def check_file(
         input = input.changed(sha256=file.sha256)
         tree = load_tree(file) if _is_yaml(file, _format_of(file)) else None
         if tree and machine_file.is_machine_file(tree):
-            held = machine_file.machine_file_in(tree)
-            machine, input = held.model.machine, input.changed(kind="machine")
-            doubtful, remarks = bool(machine.instrument.implausible()), held.remarks
-            check = Check(input=input, machine=machine.name, doubtful=doubtful, remarks=remarks)
-            return check, None
+            machine = machine_file.machine_file_in(tree).model.machine
+            input, remarks = input.changed(kind="machine"), machine.instrument.implausible()
+            named, doubts = {"input": input, "machine": machine.name}, tuple(remarks.values())
+            return Check(**named, doubtful=bool(doubts), remarks=doubts), None
         given = read_input(file, model, otherwise, stored)
     except InputError as error:
         return Check(input=input, valid=False, problems=error.problems), None

@@ -29,7 +29,6 @@ from orthoglide_cal.schema import (
     Day,
     Digest,
     Number,
-    Reason,
     Schema,
     Version,
     Word,
@@ -157,7 +156,6 @@ class StoredMachine:
 
     model: Model
     document: FileText
-    remarks: tuple[Reason, ...]  # to know although nothing is wrong
 
 
 def read_machine_file(path: Path | str) -> StoredMachine:
@@ -192,8 +190,7 @@ def machine_file_in(tree: Content) -> StoredMachine:
         tree.add(fault, remedy, line=file.text.count("\n"), column="complete")
     if model is None or tree.problems:
         raise tree.error()
-    missing = () if "identified" in value else (Reason.of("no_identified"),)
-    return StoredMachine(model, file, (*missing, *model.machine.instrument.implausible().values()))
+    return StoredMachine(model, file)
 
 
 def machine_from_text(content: str, path: str) -> Model:
@@ -425,10 +422,12 @@ def without_entry(file: StoredMachine) -> StoredMachine:
         if last.replaced is not None and again.document.data == document.data:
             return replace(then, document=replace(then.document, sha256=document.sha256))
     stood = {_ACTIVE: last.before, "corrected": last.corrected_before}
-    groups = [yaml_text({key: dict(group)}) for key, group in stood.items() if group is not None]
+    groups = (yaml_text({key: dict(one)}) for key, one in stood.items() if one is not None)
     raise UsageError(
         f"{document.path} does not hold what the entry of {last.date} left in it.",
-        "Restore it by hand: remove that entry of the history, and write\n" + "".join(groups),
+        "\n".join(
+            ("Restore it by hand: remove that entry, and write what stood before it.", *groups)
+        ),
     )
 
 

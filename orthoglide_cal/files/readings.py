@@ -881,8 +881,8 @@ class Conditions(Circumstances):
 
         def stated(end: int, *names: str) -> float | None:
             for name in names:
-                with suppress(InputError):
-                    return parse_number(self.environment.get(name, ""))
+                with suppress(InputError, KeyError):
+                    return parse_number(self.environment[name])
             return self.temperature_c[end] if self.temperature_c else None
 
         return stated(0, "temperature_start_c", "temperature_c"), stated(-1, "temperature_end_c")

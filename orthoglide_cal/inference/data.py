@@ -231,12 +231,8 @@ class Whitened(ReadOnly):
 
     def relabelled(self, values: Floats, *changes: tuple[Cause, Place]) -> Floats:
         """Whitened values (k,) with signs or labels exchanged, or put right again, (changes, k)."""
-        plain = self.matrix.T @ values
-        changed = np.empty((len(plain), len(changes)))
-        for number, (cause, place) in enumerate(changes):
-            index, sign = cause.relabel(self.plan, place)
-            changed[:, number] = sign * plain[index]
-        return np.asarray((self.matrix @ changed).T)
+        index, sign = _relabelling(self.plan.steps, changes)
+        return np.asarray((self.matrix @ (sign * (self.matrix.T @ values)[index])).T)
 
     def fit_versions(self, versions: Floats) -> LeastSquaresFit:
         """Offsets fitted to versions of the data (v, k), and what they leave of these.
@@ -262,6 +258,14 @@ class Whitened(ReadOnly):
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""
         return np.hstack([np.zeros((len(self), 0)), *(one.columns for one in influences)])
+
+
+@functools.lru_cache(maxsize=8)
+def _relabelling(plan: Plan, changes: tuple[tuple[Cause, Place], ...]) -> tuple[Ints, Floats]:
+    """`Cause.relabel` of several exchanges: indices and signs, each (n, changes)."""
+    pairs = [cause.relabel(plan, place) for cause, place in changes]
+    index, sign = np.array(pairs).reshape(-1, 2, len(plan)).transpose(1, 2, 0)
+    return read_only(index, np.intp), read_only(sign)
 
 
 def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
@@ -461,7 +465,7 @@ class Linearised(ReadOnly):
 
     def columns(self, base: Sequence[Cause]) -> Floats:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
-        return np.hstack([self.jacobian, *(self.jacobians[cause.id] for cause in base)])
+        return np.concatenate([self.jacobian, *(self.jacobians[cause.id] for cause in base)], 1)
 
     @cached_property
     def _stds(self) -> Mapping[str, Sequence[Floats]]:

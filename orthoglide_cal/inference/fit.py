@@ -35,7 +35,7 @@ from orthoglide_cal.inference.hypothesis import (
 from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
-from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, altered, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
@@ -127,7 +127,7 @@ class Fit(ReadOnly):
         shares = np.exp(by_noise - log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
         covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
-        return replace(self, sigma=sigma, covariance=covariance)
+        return altered(self, sigma=sigma, covariance=read_only(covariance))
 
     @property
     def offsets_covariance(self) -> Floats:
@@ -260,7 +260,7 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     data = at.versions[hypothesis.version] - hypothesis.added
     # From where they were linearised: the offsets alone, fitted to the data as recorded.
     moved = np.abs(np.append(fit.offsets - at.offsets[0], fit.moved[width:end]))
-    if float(np.sqrt(np.mean(slopes**2, axis=0)) @ moved) > at.noise.stated:
+    if float(np.linalg.norm(slopes, axis=0) @ moved) > at.noise.stated * math.sqrt(len(slopes)):
         rounds = ROUNDS
     for _ in range(rounds):
         offsets, effects = fit.state
@@ -414,7 +414,7 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
         log_evidence = -math.inf
     log_evidence += bounds
-    return replace(fit, log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
+    return altered(fit, log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
 
 
 @dataclass(frozen=True)

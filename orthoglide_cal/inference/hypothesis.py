@@ -132,7 +132,7 @@ class Hypothesis:
     # cause explains, and its size goes into the uncertainty.
     patterns: tuple[Pattern, ...] = ()
 
-    @cached_property
+    @property
     def ids(self) -> Ids:
         """Its listed causes, sorted."""
         return ids_of(*self.base, *((self.extra.cause,) if self.extra else ()))
@@ -140,8 +140,8 @@ class Hypothesis:
     @cached_property
     def log_prior(self) -> float:
         """ln prior weight."""
-        listed = self.at.candidates.log_prior[self.ids] if self.ids or not self.patterns else 0.0
-        return listed + sum(pattern.log_prior for pattern in self.patterns)
+        listed, ids = sum(pattern.log_prior for pattern in self.patterns), self.ids
+        return listed if self.patterns and not ids else self.at.candidates.log_prior[ids] + listed
 
     @property
     def log_weight(self) -> float:
@@ -339,7 +339,7 @@ def density_of(
     `seen` what is uncertain of the data and shows with it; without them as `at` has these.
     """
     columns, seen = columns or [*map(at.columns, bases)], seen or [at.seen] * len(bases)
-    every = [np.hstack(pair) for pair in zip(columns, seen, strict=True)]
+    every = [np.concatenate(pair, 1) for pair in zip(columns, seen, strict=True)]
     width, first = max(one.shape[1] for one in every), at.jacobian.shape[1]
     padded = np.zeros((len(bases), len(at.white), width))
     sizes = np.ones((len(bases), len(scales), width))
@@ -370,9 +370,10 @@ def all_or_one(
     columns = columns or [at.columns((cause,)) for cause in causes]
     for cause, derivatives, filled, scaled in zip(causes, columns, others, ones, strict=True):
         end = width + len(cause.names)
-        by_offsets, named, more = np.split(derivatives * at.sizes((cause,)), [width, end], axis=1)
-        scaled[:, : named.shape[1]] = named
-        filled[:, : always + more.shape[1]] = np.hstack([by_offsets, at.seen, more])
+        known = derivatives * at.sizes((cause,))
+        scaled[:, : end - width] = known[:, width:end]
+        parts = known[:, :width], at.seen, known[:, end:]
+        filled[:, : always + known.shape[1] - end] = np.concatenate(parts, 1)
     tried = np.array(list(at.scales))[:, None]
     sizes = np.ones((len(tried), others.shape[-1]))
     sizes[:, always:] = tried
@@ -439,7 +440,7 @@ def pattern_densities(
     The numbers are those of `Placed.numbered`. With the weight of each place; from a residual,
     shape (k,) [mm] or (..., k), and its log density without the cause at each σ, `by_noise`
     (..., s, g). Of sizes that are whole numbers not those at a place that add nothing to the
-    likeliest one.
+    likeliest one, and only this where the cause is out of the question.
     """
     cause, machine, places = placed.cause, at.white.machine, len(placed.tried)
     assert placed.patterns is not None
@@ -459,7 +460,9 @@ def pattern_densities(
                 machine, cause, power[..., ends, :], match[..., ends, :], by_noise[..., ends]
             ).max(axis=(-4, -3))
             most = np.maximum(most, log.max(axis=(-2, -1)))
-            counts = (log >= most[..., None, None] - LOST).reshape(-1, *log.shape[-2:]).any(axis=0)
+            likely = most >= by_noise.max(axis=(-2, -1)) - LOST
+            least = (most - LOST * likely)[..., None, None]
+            counts = (log >= least).reshape(-1, *log.shape[-2:]).any(axis=0)
             at_all = counts.any(axis=0)
             if not at_all.any():
                 continue

@@ -32,7 +32,7 @@ from orthoglide_cal.inference.hypothesis import BLUNDER_SCALES, Hypothesis, Patt
 from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.model import NORMAL_K, Estimate
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where, altered
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
 SIZES = np.array((5.0, 30.0))
@@ -385,11 +385,10 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
             gained[k] = log_sum(log_shape[k]) - number[k]
         best = log_shape.reshape(len(rows), -1).argmax(axis=1)
         best = by_shape.reshape(len(rows), -1)[rows, best].tolist()
-        columns = one.columns, one.mover, one.parameters
         sizes, logs = one.sizes * fit.noise.stated, (fit.log_evidence + gained).tolist()
-        for tried, log, *score in zip(patterns, logs, log_shape, best, strict=True):
-            known = at, one.how, tried.where, tried.log_prior, *columns, tried.chosen
-            scored.append(Hypothesis(at, log, patterns=(Pattern(*known, sizes, *score),)))
+        for tried, log, shape, gain in zip(patterns, logs, log_shape, best, strict=True):
+            pattern = altered(tried, sizes=sizes, log_shape=shape, gain=gain)
+            scored.append(Hypothesis(at, log, patterns=(pattern,)))
     return scored
 
 

@@ -1,7 +1,6 @@
 """Parts of a diagnosis as they are printed: verdict, causes, their gain, what to do next."""
 
 import math
-from collections.abc import Iterable
 from enum import StrEnum
 from typing import Literal, Self
 
@@ -109,12 +108,6 @@ class Explanation(Schema):
     def sound(self) -> bool:
         """True if it is that nothing is wrong."""
         return not self.ids and self.pattern is None
-
-
-def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
-    """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-    probability = next((one.probability for one in explanations if one.sound), 0.0)
-    return probability if probability >= WORTH_SAYING else None
 
 
 class Noise(Schema):

@@ -42,7 +42,7 @@ class Geometry(ReadOnly):
         Errors, and what `strict` means, as of `trilaterate`.
         """
         tool = Points.of(self, joints[..., None, :], strict).tool
-        return np.asarray(np.moveaxis(tool, 0, -1)[0])
+        return np.asarray(Points.batch_first(tool, 1)[0])
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
@@ -91,8 +91,9 @@ class Command(ReadOnly):
 # What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
 # touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
 # shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and what works out the
-# derivative by the parameters, shape (..., n, p), None where it is not known in closed form.
-GaugeResponse = tuple[Numbers, Numbers, Callable[[], Floats] | None]
+# derivative by q unknowns, shape (..., n, q), from that of the joints, shape (..., n, 3, q), of
+# which the offsets come first; None where it is not known in closed form.
+GaugeResponse = tuple[Numbers, Numbers, Callable[[Floats | None], Floats] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +136,11 @@ class Points(NamedTuple):
         centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
         return cls(directions, centres, trilaterate(centres, lengths, strict))
 
+    @staticmethod
+    def batch_first(values: Numbers, axes: int) -> Numbers:
+        """Move the first `axes` axes behind the batch: the inverse of `components`."""
+        return values.transpose(*range(axes, values.ndim), *range(axes))
+
     @property
     def tool_derivative(self) -> Numbers:
         """Jacobian ∂p/∂q (eq. 5 inverted), shape (3, 3, m, ...); NaN where it is singular.
@@ -164,7 +170,7 @@ def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:
     """Cross product over the first axis, (3, ...)."""
-    a, b = (np.concatenate((vector, vector[:2])) for vector in (a, b))
+    a, b = np.concatenate((a, a[:2])), np.concatenate((b, b[:2]))
     product = a[1:4] * b[2:5]
     product -= a[2:5] * b[1:4]
     return np.asarray(product)

@@ -510,31 +510,38 @@ def differentiate(
     """Readings (..., n) [mm], and their exact derivatives by offsets and parameters, (..., n, q).
 
     At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
-    ones than those of the model. In closed form where the offsets alone move the carriages and no
-    others are asked for. Else in one simulation of many machines: the point, then a complex step in
+    ones than those of the model. In closed form where nothing but the motion of the carriages
+    depends on them. Else in one simulation of many machines: the point, then a complex step in
     each unknown in turn. Unless it is `strict`, the readings of what is unreachable are NaN.
     """
-    if not effects:
-        readings, jacobian = _simulate(model, offsets, plan, strict)
-        if jacobian is not None:
-            return readings, jacobian()
+    known, jacobian = model.extended(effects) if effects else model, None
+    if all(effect.cause.stage is Stage.MOTION for effect in effects):
+        readings, jacobian = _simulate(known, offsets, plan, strict)
+        if jacobian is not None and known.real.still:
+            return readings, jacobian(None)
     ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
     many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
     batch = max(values.ndim for values in many) - 1
     steps = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
     steps = steps.reshape(-1, *[1] * batch, ends[-1])
+
+    def stepped(some: Numbers) -> tuple[Model, Numbers]:
+        by_offsets, *by_effect = np.split(some, ends[:-1], axis=-1)
+        pairs = zip(effects, by_effect, strict=True)
+        moved = [effect.cause.at(effect.theta + step, effect.place) for effect, step in pairs]
+        return model.extended(moved), offsets + by_offsets
+
+    if jacobian is not None:
+        moving, at = stepped(steps[1:])
+        joints = moving.real.joints(moving.machine.command(plan), at)
+        return readings, jacobian(np.moveaxis(joints.imag / STEP, 0, -1))
     some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
     every = []
-    for at in range(0, len(steps), some):
-        by_offsets, *by_effect = np.split(steps[at : at + some], ends[:-1], axis=-1)
-        stepped = [
-            effect.cause.at(effect.theta + step, effect.place)
-            for effect, step in zip(effects, by_effect, strict=True)
-        ]
+    for start in range(0, len(steps), some):
         # Real NaN divides in silence, complex NaN does not.
         with np.errstate(invalid="warn" if strict else "ignore"):
-            moved = _simulate(model.extended(stepped), offsets + by_offsets, plan, strict)
-        every.append(moved[0])
+            moving, at = stepped(steps[start : start + some])
+            every.append(_simulate(moving, at, plan, strict)[0])
     readings = np.concatenate(every)
     return readings[0].real, np.moveaxis(readings[1:].imag / STEP, 0, -1)
 
@@ -562,7 +569,7 @@ def differentiate_absent(
 
 def _simulate(
     model: Model, parameters: Numbers, plan: Plan, strict: bool
-) -> tuple[Numbers, Callable[[], Floats] | None]:
+) -> tuple[Numbers, Callable[[Floats | None], Floats] | None]:
     """Readings, and what works out their derivative by the parameters, if it is known."""
     machine = model.machine
     if model.repeats:
@@ -572,5 +579,5 @@ def _simulate(
         readings = effect.cause.contact(readings, effect, plan, machine, where)
     for effect in model.accepted:
         readings = effect.cause.record(readings, effect, plan, machine)
-    as_touched = all(effect.cause.stage is Stage.GEOMETRY for effect in model.accepted)
+    as_touched = all(effect.cause.in_machine for effect in model.accepted)
     return readings, jacobian if as_touched else None

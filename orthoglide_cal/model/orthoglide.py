@@ -298,7 +298,6 @@ class Orthoglide(Machine):
         return Suspicion(fault, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
-        """Where the carriages are sent; raises PostureError for a posture out of reach."""
         return _command(self, plan)
 
     def sensed(
@@ -315,7 +314,8 @@ class Orthoglide(Machine):
         # with what was entered then.
         stood, which = plan.set_up_moments
         set_up = command.home - stood + parameters[..., None, :]
-        set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
+        if set_up.shape[:-2] != joints.shape[:-2]:
+            set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
         moments = moment, joints.shape[-2] + which
         joints = np.concatenate((joints, set_up), axis=-2)
         try:
@@ -328,8 +328,7 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        readings, where, jacobian = _touched(points, plan, *moments)
-        return readings, where, jacobian if real.still else None
+        return _touched(points, plan, *moments)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -388,10 +387,10 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
 def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
-    When each reading was taken and when its gauge was set up are moments of the points, (n,).
-    Its derivative is in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction =
-    (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place,
-    because fresh memory for such long arrays costs more than the arithmetic.
+    When each reading was taken and when its gauge was set up are moments of the points, (n,); only
+    the offsets move the latter. The derivative is in closed form: d carriage = u_i dq_i, d tool =
+    (∂p/∂q) dq, and d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge
+    is not fixed. In place: fresh memory for such long arrays costs more than the arithmetic.
     """
     leg, direction = plan.leg, plan.direction
     column = (-1, *[1] * (points.tool.ndim - 2))
@@ -407,24 +406,28 @@ def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> Gau
     if not plan.fixed:
         fraction = np.where(fixed, fraction, contact == Contact.TOOL)
 
-    def derivative() -> Floats:
-        tool_by_joint = points.tool_derivative
+    def derivative(by_joints: Floats | None) -> Floats:
+        tool_by_joint, every = points.tool_derivative, np.arange(len(leg))
+        along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
         turn = fixed * across / span
         jacobian = tool_by_joint[direction, :, moment]
         jacobian *= fraction[:, None]
         part = tool_by_joint[leg, :, moment]
         part *= (turn * fraction)[:, None]
         jacobian -= part
+        jacobian[every, leg] += (1.0 - fraction) * (sideways - turn * along)
         part[...] = tool_by_joint[leg, :, set_up]
         part *= (turn * gauge_at)[:, None]
-        jacobian += part
-        along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
-        jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * along
-        jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-        return np.moveaxis(jacobian, (0, 1), (-2, -1))
+        part[every, leg] += turn * (1.0 - gauge_at) * along
+        if by_joints is None:
+            return Points.batch_first(np.add(jacobian, part, out=part), 2)
+        jacobian, part = Points.batch_first(jacobian, 2), Points.batch_first(part, 2)
+        moved = (jacobian[..., None, :] @ by_joints)[..., 0, :]
+        moved[..., : part.shape[-1]] += part
+        return np.asarray(moved)
 
-    heights = np.moveaxis(side + fraction * across, 0, -1)
-    return heights, np.moveaxis(fraction, 0, -1), derivative
+    heights = side + fraction * across
+    return Points.batch_first(heights, 1), Points.batch_first(fraction, 1), derivative
 
 
 # --- protocols -----------------------------------------------------------------------------

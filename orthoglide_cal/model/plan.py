@@ -35,6 +35,13 @@ def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
     return array
 
 
+def altered(value: T, **fields: object) -> T:
+    """A copy with other fields, on which nothing depends that was worked out of it and is kept."""
+    other = object.__new__(type(value))
+    vars(other).update(vars(value) | fields)
+    return other
+
+
 def of_steps(work: Callable[[PlanT], T]) -> cached_property[T]:
     """A property of a plan in which no time is: worked out once for all plans of the same steps."""
 

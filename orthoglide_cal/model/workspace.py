@@ -58,15 +58,16 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
 # A plan asks for it once for each of its sessions.
 @functools.lru_cache(maxsize=4)
 def _corrected(model: Model) -> tuple[Floats, Floats]:
-    """With all offsets entered: how far the tool is off (n,) [mm], and its derivative (n, 3, 3)."""
+    """With all offsets entered: how far the tool is off (n,) [mm], and JᵀJ of the tool, (n, 9)."""
     points, indicated = _grid(model, SAMPLES)
     reached = Points.of(model.real.geometry, _standing(model, indicated, np.zeros(3)), strict=True)
-    jacobian = np.moveaxis(reached.tool_derivative, (0, 1), (-2, -1))
-    if not np.isfinite(jacobian).all():
+    jacobian = Points.batch_first(reached.tool_derivative, 2)
+    square = jacobian.swapaxes(-1, -2) @ jacobian
+    if not np.isfinite(square).all():
         fault = "The three legs lie in one plane: the machine is singular at a posture."
         raise PostureError(fault, "Choose a smaller workspace.")
     left = np.linalg.norm(reached.tool.T - points, axis=-1)
-    return left, np.ascontiguousarray(jacobian)
+    return left, square.reshape(-1, 9)
 
 
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
@@ -75,9 +76,8 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
     What the causes alone leave of it, and that with k·u of the tool position; arguments and errors
     as of `workspace_error`.
     """
-    left, jacobian = _corrected(model)
-    rows = jacobian.reshape(-1, 3)
-    return left, left + k * np.sqrt((rows @ covariance * rows).reshape(len(left), -1).sum(axis=1))
+    left, square = _corrected(model)
+    return left, left + k * np.sqrt(square @ covariance.reshape(-1))
 
 
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> Workspace:
@@ -89,7 +89,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     """
     points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
-    before = np.linalg.norm(tool - points, axis=-1)
+    before = np.sqrt(np.square(tool - points) @ np.ones(3))
     left, after = error_after(model, covariance, k)
     levels = [0, SAMPLES // 2, SAMPLES - 1]
     maps = (read_only(e.reshape((SAMPLES,) * 3)[levels]) for e in (before, after))

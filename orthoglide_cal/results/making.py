@@ -41,10 +41,10 @@ from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
+    WORTH_SAYING,
     NextMeasurement,
     Parameter,
     Verdict,
-    nothing_wrong,
 )
 from orthoglide_cal.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.model.machine import OwnGauge
@@ -373,7 +373,7 @@ def _residuals(
     measured: Measured, solution: Solution, diagnosis: Diagnosis
 ) -> Iterator[schema.Residual]:
     """Every reading, in the order of the file."""
-    patterns, explained = diagnosis.acting, None
+    patterns, wrong, explained = diagnosis.acting, diagnosis.wrong_readings, None
     if diagnosis.causes or patterns:
         explained = diagnosis.explained_mm.tolist()
     modelled, in_time = solution.predicted_mm.tolist(), np.arange(len(measured))
@@ -397,7 +397,7 @@ def _residuals(
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
-                "wrong": k in diagnosis.wrong_readings,
+                "wrong": k in wrong,
             }
         both = explained[k] if explained else None
         left = {"measured_mm": value, "modelled_mm": modelled[k], "with_causes_mm": both}
@@ -535,7 +535,7 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
     """Not released; what is wrong in any case comes first, then what decides."""
     ids = [cause.id for cause in diagnosis.causes]
-    sound = nothing_wrong(diagnosis.explanations) is not None
+    sound = any(e.sound and e.probability >= WORTH_SAYING for e in diagnosis.explanations)
     reasons = [Reason.of("undecided", answers=(ids, *diagnosis.rivals), sound=sound)]
     left_open = (set(fit.ids) for _, fit in diagnosis.left_open)
     sure = set() if sound else set.intersection(*left_open)

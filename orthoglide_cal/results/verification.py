@@ -55,8 +55,6 @@ from orthoglide_cal.results.making import parameters_of, remainder, validity, wi
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
-# A promise is that of heights that are less than this share of those before.
-A_PROMISE = 0.95
 
 
 class Outcome(StrEnum):
@@ -145,6 +143,7 @@ class Verification(Schema):
     apart_mm: float | None = None  # of differences: r.m.s. of measured less predicted
     # r.m.s. of the U of both together; beyond it not as predicted.
     apart_expanded_mm: float | None = None
+    improves: bool | None = None  # of heights: the prediction is better than before, beyond noise
     moved: bool = False  # worse than before, although nothing was entered
     reservations: tuple[Sentence, ...]  # what to know before relying on it
     rms_before_mm: float
@@ -302,7 +301,9 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     most = promised + 2.0 * len(entered) * noise2 / count + reach
     squares = was, promised, now, max(promised - reach, 0.0), most
     before_mm, promised_mm, after_mm, least_mm, most_mm = np.sqrt(squares).tolist()
-    if promised_mm < A_PROMISE * before_mm:
+    taken = count * (was - promised)  # by the parameters; of noise they take p degrees of freedom
+    improves = chance_of_residual(taken, len(entered), math.sqrt(noise2)) < SUSPICIOUS
+    if improves:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
         most_mm = min(most_mm, (before_mm + promised_mm) / 2.0)
     nothing = not any(by is None or by for by in entered)
@@ -312,6 +313,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         corrected=corrected,
         compared=touches,
         kept=least_mm <= after_mm <= most_mm,
+        improves=improves,
         moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
         rms_before_mm=before_mm,
         rms_promised_mm=promised_mm,

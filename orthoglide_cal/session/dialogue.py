@@ -603,14 +603,10 @@ class Dialogue:
         )
         self.asker.say(f"Offsets so far, {UNLESS}:\n  {'  '.join(parts)} mm", Style.DIM)
 
-    def _known_within(self, until_mm: float) -> bool:
-        known = self.so_far.expanded_mm
-        return known is not None and bool((known <= until_mm).all())
-
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
-        until = self.request.until_mm
-        if until is None or self.state.dropped or not self._known_within(until):
+        until, known = self.request.until_mm, self.so_far.expanded_mm
+        if until is None or self.state.dropped or known is None or (known > until).any():
             return
         if not (dropped := self.so_far.unneeded()):
             return

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import (
     StoredMachine,
     default_machine,
@@ -337,14 +336,6 @@ def test_a_file_that_was_cut_off_is_noticed():
     for end in range(1, len(lines)):
         assert problems(read, "".join(lines[:end]))
     assert len(read(text).accepted) == len(VALUES)
-
-
-def test_a_file_of_ones_own_without_identified_gets_a_remark(tmp_path):
-    path = tmp_path / "m.yaml"
-    path.write_text(TEXT.replace("identified: []", ""))
-    (remark,) = check_file(str(path))[0].remarks
-    assert remark.code == "no_identified"
-    assert check_file(str(PROTOTYPE))[0].remarks == ()
 
 
 # --- edited in place: what is not changed stays, letter by letter ------------------------------

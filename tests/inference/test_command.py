@@ -22,13 +22,12 @@ from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.answer import diagnosis_document, headline
-from orthoglide_cal.report.markdown import markdown
+from orthoglide_cal.report.documents.answer import headline
 from orthoglide_cal.results.making import answer_to
 from tests import truth
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SIX, answer, lines, once, run, words
 from tests.cli.program import written_in as written
-from tests.inference.sessions import changed, given, known
+from tests.inference.sessions import changed, known
 from tests.machines import NOMINAL, PROTOTYPE, extended
 from tests.sentences import sentences
 
@@ -152,16 +151,6 @@ class TestText:
         assert "? Undecided: " in text
         assert "orthocal measure" in text
         assert "--accept" not in text
-
-    def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
-        """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
-        read = given(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
-        diagnosis = analysed(read.measured, read.model)
-        for found, faint in (diagnosis, False), (sound_with(diagnosis, 0.217), True):
-            case = Case(read, answer_to(read, diagnosed=found))
-            text = markdown(diagnosis_document(case).page())
-            assert ("21.7 % that nothing is wrong at all" in text) is faint
-            assert ("nothing is wrong at all" in text) is faint
 
     def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
         """The sound machine is one of the open answers, and then nothing must be wrong."""

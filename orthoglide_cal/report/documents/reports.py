@@ -36,7 +36,7 @@ from orthoglide_cal.report.documents.answer import (
 from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import Answer, Identity, Validity
-from orthoglide_cal.results.verification import A_PROMISE, Coefficient, Outcome, Verification
+from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
@@ -95,8 +95,7 @@ def calibration_document(
 
     def page() -> doc.Page:
         machine, released = case.machine, answer.release.usable or left is not None
-        frame = _signed_page(machine, identity, left or answer)
-        causes, rivals = _causes(case), [*_rivals(case)]
+        judged, causes, rivals = left or answer, _causes(case), [*_rivals(case)]
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
         parameters = parameters_section(case, promised_figure(case, limit_mm))
@@ -111,7 +110,7 @@ def calibration_document(
         else:
             notice, sheet = _notice(case), [*causes, steps_section(case, to_do(case))]
             pages += [*rivals, parameters]
-        sheet += frame.sheet
+        sheet.append(doc.Section(None, _strip(machine, identity.software, judged)))
         both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
         for one, when in both:
             sections = *evidence(one), _conditions(one)
@@ -124,12 +123,21 @@ def calibration_document(
             sheet, pages = [*sheet, *pages], []
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
-        return replace(
-            frame,
+        number = ("Number", doc.code(identity.number))
+        issued = ("Issued", moment_words(identity.issued))
+        return doc.Page(
+            kind="Practice report" if judged.simulated else "Calibration report",
+            title=machine.name,
+            number=identity.number,
+            facts=doc.Facts((*_stated(machine, _OWNER), number, issued)),
             notice=notice,
             sheet=sheet,
             sections=pages,
             signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
+            scope="The results relate only to the machine and the instruments named here, as they"
+            f" were when measured, and to the {machine.vocabulary.positions} and conditions stated."
+            " The report is valid only with all its pages: reproduce it only in full.",
+            simulated=judged.simulated,
         )
 
     return doc.Document(data, page)
@@ -364,11 +372,11 @@ def _verification_notice(result: Verification) -> doc.Notice:
         lines.append("Look for a part that was hit or came loose; then calibrate and probe again.")
     elif not result.differences:
         better = result.rms_after_mm < result.rms_before_mm
-        title = "The touches agree as predicted within U; no improvement was predicted"
+        title = "The touches agree as predicted; no improvement beyond noise was predicted"
         if not result.kept:
             degree = "better than before, but" if better else "no better than before, and"
             title = f"The touches agree {degree} not as predicted ({after} instead of {promised})"
-        elif result.rms_promised_mm < A_PROMISE * result.rms_before_mm:
+        elif result.improves:
             title = "The touches agree better than before, as predicted"
     elif not result.kept:
         title = "The correction did not work as predicted"
@@ -547,37 +555,19 @@ def _response(result: Verification) -> Iterator[doc.Block]:
 # --- what both have -------------------------------------------------------------------------------
 
 
-def _signed_page(machine: Machine, identity: Identity, of: Answer | Verification) -> doc.Page:
-    """The beginning of a numbered page: its subject, and the conditions under which it holds.
-
-    Of simulated readings it is no report.
-    """
-    strip: doc.Block
+def _strip(machine: Machine, software: str, of: Answer | Verification) -> doc.Block:
+    """The conditions under which a result holds; of a verification before and after."""
     if isinstance(of, Verification):
         sides = (_circumstances(side, side.validity, machine) for side in (of.before, of.after))
-        strip = doc.Grid(
+        return doc.Grid(
             ("conditions", "before", "after"),
             [(name, value, later) for (name, value), (_, later) in zip(*sides, strict=True)],
             words=(0, 1, 2),
-            caption=f"{identity.software}; data with the first digits of SHA-256.",
+            caption=f"{software}; data with the first digits of SHA-256.",
         )
-    else:
-        rows = _circumstances(of.input, of.validity, machine)
-        named = ((name.capitalize(), value) for name, value in rows)
-        strip = doc.Facts((*named, ("Software", identity.software)))
-    number = ("Number", doc.code(identity.number))
-    issued = ("Issued", moment_words(identity.issued))
-    return doc.Page(
-        kind="Practice report" if of.simulated else "Calibration report",
-        title=machine.name,
-        number=identity.number,
-        facts=doc.Facts((*_stated(machine, _OWNER), number, issued)),
-        sheet=[doc.Section(None, strip)],
-        scope="The results relate only to the machine and the instruments named here, as they were"
-        f" when measured, and to the {machine.vocabulary.positions} and conditions stated. The"
-        " report is valid only with all its pages: reproduce it only in full.",
-        simulated=of.simulated,
-    )
+    rows = _circumstances(of.input, of.validity, machine)
+    named = ((name.capitalize(), value) for name, value in rows)
+    return doc.Facts((*named, ("Software", software)))
 
 
 def _stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
