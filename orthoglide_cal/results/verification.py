@@ -369,7 +369,8 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
     for when, conditions, other in (("Before", before, after), ("After", after, before)):
         for reason in conditions.reservations:
             both = reason in other.reservations
-            if not both or conditions is before:
+            # Nothing is entered now that could lower a nozzle.
+            if reason.code != "nozzle_lower" and (not both or conditions is before):
                 session = "Before and after" if both else when
                 yield Reason.of("of_session", when=session, reason=reason)
     ids = [[gauge.id for gauge in conditions.gauges] for conditions in (before, after)]

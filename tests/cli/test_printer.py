@@ -158,6 +158,9 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
     both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
     compared = found(*both)
     assert "Nothing more to do." in run(*both).stdout
+    # Before, entering lowered the nozzle; now that is no reservation.
+    stored = run(*both[:-1], "calibration").stdout
+    assert stored.startswith("✔ The touches agree better than before, as predicted\n")
     changes = {**dict(zip("abc", SHIFT[:3], strict=True)), "radius": 0.24, "angle_a": 0.11}
     for name, change in changes.items():
         assert compared["entered"][name] == pytest.approx(change)

@@ -391,8 +391,7 @@ def _verification_notice(result: Verification) -> doc.Notice:
     if unsure and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
     known = [*result.reservations]
-    worse = {*INVALIDATING} - {"nozzle_lower"}  # nothing is to be entered now
-    worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in worse]
+    worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in INVALIDATING]
     if worthless and tone is not doc.Tone.BAD:
         title, lines = says(worthless[0]).rstrip("."), [f"{title}.", *lines]
         known.remove(worthless[0])
