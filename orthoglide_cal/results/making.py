@@ -495,7 +495,7 @@ def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
     judged = diagnosis.lack_of_fit.judgement
     suspicious = judged.code == "residuals_too_large"
     # As stated, not as widened by the diagnosis to cover what is left.
-    if factor > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
+    if round(factor, 1) > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
         yield Reason.of("local_shape", factor=factor)
     elif not solution.dof or (suspicious and diagnosis.verdict is Verdict.CONSISTENT):
         # Without spare readings nothing can contradict or support the offsets. What a named
