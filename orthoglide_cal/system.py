@@ -1,4 +1,4 @@
-"""What differs between operating systems: a terminal that hands over each key at once and shows
+"""Differences between operating systems: a terminal that hands over each key at once and shows
 none, and the lock of a file."""
 
 import codecs

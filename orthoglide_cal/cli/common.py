@@ -469,7 +469,7 @@ def working(task: str) -> Iterator[None]:
     from rich import text
 
     # As text, not as markup: a file may be called a[/b].yaml.
-    status = console(stderr=True).status(text.Text(visible(f"{task} …")))
+    status = console(stderr=True).status(text.Text(visible(f"Calculating: {task} …")))
     timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()

@@ -45,7 +45,7 @@ def plan(
     asked = common.asked_session(protocol, design, cycles, order, gauges)
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.usual_machine(machine)
-    with common.working(file or "A plan"):
+    with common.working(file or "plan"):
         session = GuidedSession().changed(**asked) if asked else None
         chosen = chosen_session(model, session, target, layout)
     if program is not None:
@@ -64,7 +64,7 @@ def plan(
         common.put(text, program, message)
         return
     full = details or json or html is not None
-    with common.working(file or "A plan"):
+    with common.working(file or "plan"):
         diagnosis = diagnose(given.measured, model) if given else None
         ranked = rank_measurements(diagnosis) if diagnosis else ()
         planned = measurement_plan(chosen, target, ranked, full)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import NormalDist
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -36,7 +37,8 @@ class Scatter:
 
 def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
     """Student-t factor of a two-sided interval; the normal one for infinite dof."""
-    return float(stdtrit(dof, 0.5 + confidence / 2.0))
+    below = 0.5 + confidence / 2.0
+    return NormalDist().inv_cdf(below) if dof == math.inf else float(stdtrit(dof, below))
 
 
 class Contribution(Schema):

@@ -837,7 +837,7 @@ def promise(
     modelled, first = problem.predict_with_jacobian(known.offsets_mm)
     later = replace(problem, model=known.model.extended(corrected))
     left, second = later.predict_with_jacobian(after)
-    expected = kept + left - modelled
+    expected = kept + (left - modelled)  # nothing entered, exactly what was measured
     # The same readings are taken once before and once after.
     scatter = 2.0 * known.noise.sigma_mm**2 * np.diag(problem.covariance())
     scatter += 2.0 * ((np.asarray(problem.matrix) * unsure_mm) ** 2).sum(axis=1)

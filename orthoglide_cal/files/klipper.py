@@ -117,7 +117,7 @@ class Settings(Content):
         ]
 
     def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
-        """What keeps Klipper from reading the file, or what SAVE_CONFIG wrote there."""
+        """Faults that keep Klipper from reading the file, or what SAVE_CONFIG wrote there."""
         if self.document.marked:
             fault = "The file begins with a byte order mark: Klipper does not read it."
             yield InputError(fault, "Save it as UTF-8 without it.", file=self.file, line=1)

@@ -1,4 +1,4 @@
-"""What files of a linear delta's firmware hold, whichever it is: settings, and stored touches."""
+"""Settings and stored touches in the files of a linear delta's firmware, whichever it is."""
 
 import math
 import re

@@ -32,7 +32,7 @@ from orthoglide_cal.inference.fit import (
     left_out,
 )
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import PASSING, describe, fits_of
+from orthoglide_cal.inference.patterns import PASSING, describe, fits_of, residual_of
 from orthoglide_cal.inference.prediction import REPEATS, Later, baselines, repeats
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
@@ -488,18 +488,20 @@ class Diagnosis(Decision):
         if self.verdict is not Verdict.UNEXPLAINED or self.refuted is not None:
             return ()
         total: dict[str, float] = {}
-        first: dict[str, Hypothesis] = {}
+        first: dict[str, tuple[Hypothesis, Hypothesis]] = {}  # as it is, and with that one last
         for hypothesis in self.beyond_list:
             for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
                 others = tuple(one for one in hypothesis.patterns if one is not pattern)
-                first.setdefault(pattern.label, replace(hypothesis, patterns=(*others, pattern)))
+                last = replace(hypothesis, patterns=(*others, pattern))
+                first.setdefault(pattern.label, (hypothesis, last))
                 share = self.unlisted[hypothesis.label]
                 total[pattern.label] = total.get(pattern.label, 0.0) + share
         acting, patterns = {one.label for one in next(iter(self.beyond_list)).patterns}, []
-        for label, last in first.items():
+        for label, (hypothesis, last) in first.items():
             fit, before_mm = self.fit_of(last.ids), self.alone.rms_after_mm
-            accepted = label in acting
-            patterns.append(describe(last, fit, self.measured, total[label], accepted, before_mm))
+            known = total[label], label in acting, before_mm
+            after_mm = self.white.rms(residual_of(hypothesis, fit))
+            patterns.append(describe(last, fit, self.measured, *known, after_mm))
         return tuple(filter(None, patterns))
 
     @property
@@ -529,10 +531,7 @@ class Diagnosis(Decision):
         if self.acting:
             hypothesis = next(iter(self.beyond_list))
             fit = self.fit_of(hypothesis.ids)
-            # More noise predicts nothing.
-            acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
-            fits = fits_of(replace(hypothesis, patterns=acting), fit) if acting else [(1.0, fit)]
-            left = np.sum([share * after.left for share, after in fits], axis=0)
+            left = residual_of(hypothesis, fit)
         elif not fit.effects:
             return self.alone.predicted_mm
         for effect in fit.effects:
@@ -787,7 +786,7 @@ def decided(measured: Measured, model: Model) -> Diagnosis:
 
 
 def _refuted_by_date(diagnosis: Diagnosis) -> Reason | None:
-    """How a date refutes what lasts of a name, predicted from those before it.
+    """Return how a date refutes what lasts of a name, predicted from those before it.
 
     The parameters are others on each date.
     """

@@ -49,7 +49,7 @@ class Texture(ReadOnly):
 
     @classmethod
     def of(cls, columns: Floats, rest: float, assumed: bool) -> Texture:
-        """Of a shape whose independent parts add these columns to the data, shape (k, m)."""
+        """Make it of a shape whose independent parts add these columns to the data, (k, m)."""
         axes, size, _ = np.linalg.svd(columns, full_matrices=False)
         return cls(axes, size**2, rest, assumed)
 
@@ -114,7 +114,7 @@ class NoiseGrid(ReadOnly):
 
     @cached_property
     def by_ratio(self) -> Sequence[tuple[float, Ints | slice]]:
-        """How large that shape is next to the noise, and the numbers of which σ that is so of."""
+        """Ratios of that shape to the noise, each with the numbers of the σ that it belongs to."""
         if self.scale_factor is None:
             return [(0.0, slice(None))]
         ratios, number = np.unique(self.scale_factor / self.sigma, return_inverse=True)
@@ -167,7 +167,7 @@ class Overlap(NamedTuple):
 
 
 class _OneRatio(NamedTuple):
-    """What the densities for several σ share if a local shape is a multiple of each."""
+    """Parts that the densities for several σ share if a local shape is a multiple of each."""
 
     rows: Ints | slice  # numbers of these σ, shape (g,)
     variance: Floats  # their squares, (g, 1) [mm²]

@@ -162,7 +162,7 @@ class Fit(ReadOnly):
 
     @cached_property
     def is_local(self) -> Bools:
-        """Which unknowns are a local shape, shape (q,)."""
+        """True for unknowns that are a local shape, shape (q,)."""
         widths = [influence.columns.shape[1] for influence in self.uncertain]
         local = np.repeat([influence.local for influence in self.uncertain], widths)
         return read_only(np.append(np.zeros(self.first_uncertain), local), np.bool_)

@@ -87,9 +87,11 @@ class Pattern:
         log, columns = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
         if self.mover is not None and len(np.unique(self.mover[columns])) == 1:
             shapes = np.flatnonzero(self.chosen.any(axis=1))
-            some = self.columns[:, shapes][:, :, columns]
-            shown = self.at.white.matrix @ some.reshape(len(some), -1)
-            log[shapes] = LISTED * self.at.lists(shown.reshape(-1, *some.shape[1:]))
+            some = max(AT_ONCE // (len(self.columns) * np.count_nonzero(columns)), 1)
+            for part in (shapes[start : start + some] for start in range(0, len(shapes), some)):
+                made = self.columns[:, part][:, :, columns]
+                shown = self.at.white.matrix @ made.reshape(len(made), -1)
+                log[part] = LISTED * self.at.lists(shown.reshape(-1, *made.shape[1:]))
         return log
 
     @cached_property
@@ -163,7 +165,7 @@ class Hypothesis:
 
     @cached_property
     def added(self) -> Floats:
-        """What an extra of known size adds to the data, shape (k,) [mm]."""
+        """Effect of an extra of known size on the data, shape (k,) [mm]."""
         extra = self.extra
         if extra is None or not extra.theta.size:
             return read_only(np.zeros(len(self.at.white)))

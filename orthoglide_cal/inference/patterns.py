@@ -1,4 +1,4 @@
-"""What no listed cause makes: patterns of the readings, each a *how* at a *where*.
+"""Patterns of the readings that no listed cause makes, each a *how* at a *where*.
 
 A how is one function of the course of a session and of the rows that the where selects; it gives
 columns of unit size [mm] in one or several shapes (a moment, a time constant), which are averaged
@@ -208,7 +208,7 @@ def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
 
 
 def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools:
-    """Which columns of a how show at each where and at no narrower, (w, v, q)."""
+    """Return which columns of a how show at each where and at no narrower, (w, v, q)."""
     (columns, mover, _), (_, selected, covered) = made, _wheres(plan.steps, ordered)
     n, v, q = columns.shape
     if not 0 < q <= MOST_COLUMNS or not columns.any():
@@ -421,6 +421,13 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
     return [(share, extended(fit, last, k)) for k, share in enumerate(shares)]
 
 
+def residual_of(hypothesis: Hypothesis, fit: Fit) -> Floats:
+    """Residuals with a hypothesis' patterns, (n,) [mm]; more noise takes nothing away."""
+    patterns = tuple(one for one in hypothesis.patterns if one.how != "scatters")
+    fits = fits_of(replace(hypothesis, patterns=patterns), fit) if patterns else [(1.0, fit)]
+    return np.asarray(sum(share * after.left for share, after in fits))
+
+
 def combined(
     hypothesis: Hypothesis, fit: Fit, candidates: Sequence[Sequence[Pattern]]
 ) -> list[Hypothesis]:
@@ -460,10 +467,12 @@ def describe(
     probability: float,
     accepted: bool,
     before_mm: float,
+    after_mm: float,
 ) -> FoundPattern | None:
     """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ.
 
-    `base` is the fit of its listed causes; `before_mm` is left by the calibrated parameters alone.
+    `base` is the fit of its listed causes. The calibrated parameters alone leave `before_mm`, all
+    that acts leaves `after_mm`.
     """
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     how, plan = pattern.how, white.plan
@@ -507,8 +516,6 @@ def describe(
             between = tuple(_between(measured, rows, float(moment), float(u)))
         heldout = _heldout(rows, before, after, measured.cycle)
         effect = [tuple(values.tolist()) for values in _effect(pattern, fits, rows)]
-    # More noise takes nothing away.
-    left = before if how == "scatters" else after
     return FoundPattern(
         how=how,
         where=where,
@@ -520,7 +527,7 @@ def describe(
         probability=probability,
         accepted=accepted,
         rms_before_mm=before_mm,
-        rms_after_mm=white.rms(left.left) if left.white is white else None,
+        rms_after_mm=after_mm,
         heldout_before_mm=heldout and heldout[0],
         heldout_after_mm=heldout and heldout[1],
         heldout_ratio=heldout and heldout[1] / heldout[0],

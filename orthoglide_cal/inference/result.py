@@ -188,9 +188,7 @@ class FoundPattern(Schema):
     probability: float
     accepted: bool = Field(description="part of the likeliest explanation")
     rms_before_mm: float = Field(description="left by the offsets alone")
-    rms_after_mm: float | None = Field(
-        description="with all that acts in its explanation; null in addition to more noise"
-    )
+    rms_after_mm: float = Field(description="with all that acts in its explanation")
     heldout_before_mm: float | None = Field(
         description="error of predicting its readings, a cycle left out at a time, without it"
     )

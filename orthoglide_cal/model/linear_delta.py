@@ -201,7 +201,7 @@ class ProbePlan(Plan):
 
     @cached_property
     def movers(self) -> Bools:
-        """Of the touches those of each region, too: a part of the bed moves as one."""
+        """Groups of readings that move as one, with those of each region of the bed."""
         regions = [rows for where, rows in self.wheres(True) if where]
         return read_only(np.stack([*super().movers, *regions]), np.bool_)
 

@@ -377,7 +377,7 @@ class Machine(Schema):
 
     @classmethod
     def of_kind(cls, values: Mapping[type[Machine], T], otherwise: T) -> T:
-        """What a table by kinds of machine says of this one."""
+        """Look this kind up in a table by kinds of machine."""
         return values.get(cls, otherwise)
 
     @classmethod

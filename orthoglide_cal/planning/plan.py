@@ -105,7 +105,7 @@ class SessionForecast(Schema):
 
     @cached_property
     def budget(self) -> Budget:
-        """Of the calibrated parameters, at the degrees of freedom that the readings will have.
+        """Uncertainty of the parameters, at the degrees of freedom that the readings will have.
 
         Raises UnusableResultError: they will not determine the parameters; says what to add.
         """
@@ -120,7 +120,7 @@ class SessionForecast(Schema):
     @computed_field
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """Of each parameter, in its unit: u from scatter, u and U of all, whether determined."""
+        """Each parameter, in its unit: u from scatter, u and U of all, whether determined."""
         machine = self.model.machine
         scatter = [part.std for part in self.budget.contributions if part.source in AVERAGED]
         columns = {

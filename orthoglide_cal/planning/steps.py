@@ -116,7 +116,7 @@ class SessionStep:
 
 
 class GuidedSession(Schema):
-    """What is measured in one sitting, by a protocol; the usual one where nothing is said."""
+    """Readings of one sitting, by a protocol; the usual one where nothing is said."""
 
     protocol: MeasuringProtocol = MeasuringProtocol.DOUBLE
     cycles: int = CYCLES  # repeats of its postures on each leg, and a closing one

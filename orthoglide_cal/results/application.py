@@ -81,7 +81,7 @@ class Application:
 
     @cached_property
     def running(self) -> str | None:
-        """What its controller's file says of a running LinuxCNC; None without one."""
+        """Statement of its controller's file on a running LinuxCNC; None without one."""
         return self.controller.running() if self.controller else None
 
     @property

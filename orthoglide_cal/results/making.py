@@ -163,7 +163,7 @@ def answer_to(
     elif named:
         left_mm = diagnosis.causes[0].rms_after_mm
     elif diagnosis.acting:
-        left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+        left_mm = diagnosis.acting[0].rms_after_mm
     else:
         left_mm = solution.at(chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T

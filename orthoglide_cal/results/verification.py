@@ -306,7 +306,6 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     if improves:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
         most_mm = min(most_mm, (before_mm + promised_mm) / 2.0)
-    nothing = not any(by is None or by for by in entered)
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
@@ -314,7 +313,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         compared=touches,
         kept=least_mm <= after_mm <= most_mm,
         improves=improves,
-        moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
+        moved=set(entered) == {0.0} and now - was > NORMAL_K * math.hypot(u_was, u_now),
         rms_before_mm=before_mm,
         rms_promised_mm=promised_mm,
         rms_expanded_mm=abs((least_mm if after_mm < promised_mm else most_mm) - promised_mm),

@@ -253,7 +253,7 @@ def test_a_file_that_is_worked_on_is_shown_by_its_name(tmp_path: Path) -> None:
     command = ("solve", "a[/b].csv")
     with Terminal(tmp_path, command=command, agreed=False, program=program) as terminal:
         assert terminal.finish() == 0, terminal.seen
-    assert "a[/b].csv …" in terminal.seen
+    assert "Calculating: a[/b].csv …" in terminal.seen
 
 
 @pytest.mark.parametrize("how", ["option", "before the command", "environment"])

@@ -72,15 +72,16 @@ def test_verdicts(line: str) -> None:
 
 def test_under_a_refuted_name_as_much_may_return_as_is_left() -> None:
     """In the readings of each cell alike: by the estimator, beside the covariance of the noise."""
-    refuted = Reason.of("refuted_left_out", ids=["axis_gap"])
-    verdict = replace(decision(axis_gap=1.0, misfit=3.0), refuted=refuted)
-    (_, fit), *_ = verdict.left_open
-    white = session().at.white
+    refuted, pattern = Reason.of("refuted_left_out", ids=["axis_gap"]), BEYOND["returning"]
+    patterns = {pattern: session().patterned[pattern]}
+    verdict = replace(session(), patterned=patterns, refuted=refuted)
+    white, ((_, fit),) = session().at.white, verdict.left_open
     variance = fit.residual @ fit.residual / (len(white) - 3)
     alike = white.plan.cells[:, None] == np.unique(white.plan.cells)
-    effect = fit.offsets_covariance @ fit.columns[:, :3].T @ white.matrix @ alike / fit.sigma**2
+    weighed = np.vstack((fit.columns / fit.sigma, np.diag(1.0 / fit.sizes)))
+    effect = np.linalg.pinv(weighed)[:3, : len(white)] / fit.sigma @ white.matrix @ alike
     beyond = verdict.offsets[1] - fit.offsets_covariance
-    assert beyond == pytest.approx(variance * effect @ effect.T, rel=0.01)
+    assert beyond == pytest.approx(variance * effect @ effect.T, rel=1e-6)
 
 
 def test_what_may_be_there_unseen_is_mentioned() -> None:

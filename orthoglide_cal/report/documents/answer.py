@@ -600,7 +600,7 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
         head.append(f"with {' and '.join(cause.id for cause in answer.causes)}")
     if answer.beyond:
         best = answer.beyond[0]
-        left["fitted"] = best.rms_before_mm, best.rms_after_mm or best.rms_before_mm
+        left["fitted"] = best.rms_before_mm, best.rms_after_mm
         left["cycles left out, there"] = best.heldout_before_mm, best.heldout_after_mm
         if late:
             left["last third, there"] = best.last_third_before_mm, best.last_third_after_mm

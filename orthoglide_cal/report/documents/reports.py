@@ -346,14 +346,12 @@ def _verification_notice(result: Verification) -> doc.Notice:
     before, promised, after = (_size(result, size) for size in sizes)
     if result.rms_expanded_mm is not None:
         promised = promised.replace("µm", f"± {_size(result, result.rms_expanded_mm)}")
-    lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    done = []
+    lines, done = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."], []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
         moves = [(name, size, CAUSES[id].unit) for name, size in by.items()]
         done.append(says(Reason.of(code, id=id, by=moves)))
-    if done:
-        lines.append(" ".join(done))
+    lines += [" ".join(done)] * bool(done)
     if result.response and result.answer:
         lines.append(_answer(result, result.response, result.answer))
     if result.decision:
