@@ -698,7 +698,7 @@ def diagnose(
             nothing, and that is left out.
         recalibrated: the machine was calibrated again before the held-out data; models may say so.
 
-    Raises UnusableResultError: as of `decided`.
+    Raises UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """
     diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
     white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit

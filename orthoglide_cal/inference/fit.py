@@ -68,7 +68,7 @@ class Fit(ReadOnly):
     # The data that it is of, and their noise; both are others where some readings have more noise.
     white: Whitened
     noise: NoiseGrid
-    # As of `Hypothesis`; how much likelier the data make it than the prior does that widths are
+    # See `Hypothesis`; how much likelier the data make it than the prior does that widths are
     # positive is part of it.
     log_evidence: float
     log_positive: float  # that part
@@ -427,7 +427,7 @@ class HeldOut:
 
 
 def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
-    """Predict blocks of readings, or of differences, as of `left_out`, each from all others.
+    """Predict blocks of readings, or of differences (see `left_out`), each from all others.
 
     Errors of different blocks depend on each other: the square of n of them has the mean n and the
     variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and

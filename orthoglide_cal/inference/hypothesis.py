@@ -87,7 +87,7 @@ class Pattern:
         log, columns = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
         if self.mover is not None and len(np.unique(self.mover[columns])) == 1:
             shapes = np.flatnonzero(self.chosen.any(axis=1))
-            some = max(AT_ONCE // (len(self.columns) * np.count_nonzero(columns)), 1)
+            some = max(AT_ONCE // (len(self.columns) * int(columns.sum())), 1)
             for part in (shapes[start : start + some] for start in range(0, len(shapes), some)):
                 made = self.columns[:, part][:, :, columns]
                 shown = self.at.white.matrix @ made.reshape(len(made), -1)
@@ -363,7 +363,7 @@ def all_or_one(
     """Log evidence of causes of which all parameters act, or any one of them.
 
     From data minus the model without the cause, shape (k,) [mm], and the log evidence if all its
-    parameters act; `columns` as of `density_of`.
+    parameters act; `columns`: see `density_of`.
     """
     width = at.jacobian.shape[1]
     always, nuisance = width + at.seen.shape[1], max(len(cause.nuisance) for cause in causes)

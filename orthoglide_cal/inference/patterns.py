@@ -56,7 +56,7 @@ _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment
 _Fits = Sequence[tuple[float, Fit]]
 
 
-# As of `Pattern`: columns of unit size in v shapes (n, v, q) [mm], the number of the mover of each,
+# See `Pattern`: columns of unit size in v shapes (n, v, q) [mm], the number of the mover of each,
 # (q,), and parameters of the shapes, (v,).
 Columns = tuple[Floats, Ints | None, Floats | None]
 
@@ -153,7 +153,7 @@ def _turned(white: Whitened, predicted: Floats) -> Floats:
 
 
 def _candidates(at: Linearised, turned: Floats, fine: bool) -> list[list[Pattern]]:
-    """Every how at the wheres where it shows, for movements of plungers as of `_turned`."""
+    """Every how at the wheres where it shows, for movements of plungers (see `_turned`)."""
     white, plan = at.white, at.white.plan
     wheres, selected, _ = _wheres(plan.steps, white.raw)
     every = {

@@ -463,7 +463,7 @@ def release(
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data.
         following: what would distinguish the explanations that it leaves open; None without.
-        corrects: as of `answer_to`.
+        corrects: ids that the controller is to correct, too: those hold no release.
     """
     failures = tuple(_failures(solution))
     judged = Release()
