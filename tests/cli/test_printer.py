@@ -310,6 +310,18 @@ def test_where_nothing_is_to_be_entered_no_screen_allows_it() -> None:
     holds(words(junk), ["Do not enter", "not:with them: ."])
 
 
+def test_a_shape_that_leaves_nothing_determined_is_no_calibrated_machine() -> None:
+    """So large a shape hides angles of more than a degree: they are not "within U"."""
+    at = places_of(Layout(61), V400.bed)
+    x, y = at.T / V400.bed
+    noise = np.random.default_rng(8).normal(0.0, 0.008, len(at))
+    height = 0.25 * (x**4 - 6.0 * x**2 * y**2 + y**4) + noise
+    Path("clover.csv").write_text(table(at.tolist(), height))
+    found = answer("diagnose", "clover.csv", *MACHINE)
+    assert (found["verdict"], found["release"]["usable"]) == ("named", False)
+    assert not all(one["determined"] for one in found["parameters"])
+
+
 def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     """Within U, most of which is what the arms leave open: of all three endstops alike."""
     straight, solved = (found("solve", name, *MACHINE) for name in ("right.csv", "tilted.csv"))
