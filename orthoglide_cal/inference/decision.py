@@ -256,20 +256,30 @@ class Decision(Belief):
         reading a part. Offsets are false that it moves beyond their U, or by what returns with its
         posture.
         """
-        best, fit, risk = self.best, self.fit_of(self.best), 0.0
+        best = self.best
         bearable = (NEEDLESS_HOLD if len(best) > 1 else OPEN_ANSWER) * self.something
         if (len(best) * WRONG_NAME + FALSE_RELEASE) * self.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
-        for one in self.beyond_list:
-            hows = {pattern.how for pattern in one.patterns}
-            wrong = [CAUSES[id] for id in set(best) - {*one.ids} - hows]
-            parts = sum(cause.in_machine and cause.repeats for cause in wrong)
-            loss = parts * WRONG_NAME + (len(wrong) - parts) * NEEDLESS_HOLD
-            moved = self._moves(one, fit.offsets, fit.offsets_covariance)
-            if moved or hows - CAUSES.keys() - PASSING:
-                loss += FALSE_RELEASE
-            risk += self.unlisted[one.label] * loss
-        return risk <= bearable
+        losses = {one: self.loss_of_name(best, one) for one in self.beyond_list}
+        return sum(self.unlisted[one.label] * loss for one, loss in losses.items()) <= bearable
+
+    def loss_of_name(self, ids: Ids, one: Hypothesis) -> float:
+        """Loss if a set of causes is named and a pattern acts."""
+        fit, hows = self.fit_of(ids), {pattern.how for pattern in one.patterns}
+        wrong = [CAUSES[id] for id in set(ids) - {*one.ids} - hows]
+        parts = sum(cause.in_machine and cause.repeats for cause in wrong)
+        loss = parts * WRONG_NAME + (len(wrong) - parts) * NEEDLESS_HOLD
+        moved = self._moves(one, fit.offsets, fit.offsets_covariance)
+        return loss + FALSE_RELEASE * (moved or bool(hows - CAUSES.keys() - PASSING))
+
+    def kept(self, rival: Hypothesis, best: Hypothesis) -> float:
+        """Probability relative to the explanation `best` from which a rival is left open."""
+        if best.patterns:
+            return OPEN_ANSWER / NEEDLESS_HOLD
+        if rival.patterns:
+            loss = self.loss_of_name(best.ids, rival)
+            return OPEN_ANSWER / loss if loss else math.inf
+        return keep_ratio(rival.ids, best.ids)
 
     @cached_property
     def accepted(self) -> Ids:

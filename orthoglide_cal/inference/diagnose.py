@@ -347,27 +347,34 @@ class Diagnosis(Decision):
     def by_place(self) -> tuple[tuple[float, Fit], ...]:
         """Fits that are left open; of several each fault at every place where it may be.
 
-        After a named answer also faults that would not show but matter.
+        Also patterns beyond the list that make it too costly to name the best cause; after a named
+        answer faults that would not show but matter.
         """
         if self.verdict is Verdict.AMBIGUOUS:
-            return tuple(
-                placed
-                for share, fit in self.left_open
-                for placed in fits_at_places(fit.hypothesis, share, PLACE_COUNTS)
+            placed = (
+                fits_at_places(fit.hypothesis, share, PLACE_COUNTS) for share, fit in self.left_open
             )
+            unit = self.left_open[0][0] / self.listed[self.best]
+            beyond = (
+                (unit * self.unlisted[one.label] * share, replace(fit, hypothesis=one))
+                for one in (() if self.is_nameable else self.beyond_list)
+                if self.loss_of_name(self.best, one)
+                for share, fit in fits_of(one, self.fit_of(one.ids))
+            )
+            return (*chain(*placed), *beyond)
         matter = (self.silent_fits[fault.id] for fault in self.unshown if fault.matters)
         return (*self.left_open, *chain(*matter))
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
         """Those not dismissed, best first; those that are left open with their parameters."""
-        fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in self.left_open}
+        fits = {fit.hypothesis.ids: fit for _, fit in self.left_open if not fit.patterns}
         least = DISMISSED * max(self.probability.values())
         # What is open is compared with the parameters alone, however improbable.
         sound = WORTH_SAYING * (self.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
         explanations = []
         for key, probability in self.probability.items():
-            fit = fits.get(key)
+            fit = fits.get(key) if isinstance(key, tuple) else None
             if fit is None and probability < (least if key else sound):
                 continue
             ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)

@@ -9,8 +9,8 @@ is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -27,6 +27,8 @@ from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     LOG_ALL,
     Hypothesis,
+    Pattern,
+    Shape,
     all_or_one,
     density_of,
     others_wrong,
@@ -84,6 +86,8 @@ class Fit(ReadOnly):
     scale_factor: float  # how many times as large as stated a local shape is
     uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
     seen: Floats  # what of it shows where it was linearised, shape (k, b) [mm]
+    # That it was extended with; of each but more noise the unknowns come behind those of causes.
+    patterns: Mapping[Pattern, Shape] = field(default_factory=dict)
 
     @cached_property
     def offsets(self) -> Floats:
@@ -128,6 +132,17 @@ class Fit(ReadOnly):
         sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
         covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
         return altered(self, sigma=sigma, covariance=read_only(covariance))
+
+    def with_effects(self, drafts: Sequence[Effect]) -> Fit:
+        """The fit with these effects, of the sizes that it gives them, and their covariance."""
+        unknowns = self.centre + self.moved
+        effects = [
+            replace(effect, theta=unknowns[slot], covariance=self.covariance[slot, slot])
+            if slot.start < slot.stop
+            else effect
+            for effect, slot in zip(drafts, self.slots, strict=True)
+        ]
+        return altered(self, effects=tuple(effects))
 
     @property
     def offsets_covariance(self) -> Floats:
@@ -401,20 +416,11 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
             mean, spread = HALF_NORMAL
             centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
     if np.any(centre):
-        fit = replace(fit, centre=centre, sizes=sizes)
-        moved, fit = fit.moved, fit.with_sigma(by_noise)
-    unknowns, covariance = centre + moved, fit.covariance
-    drafts = [*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])]
-    effects = [
-        replace(effect, theta=unknowns[slot], covariance=covariance[slot, slot])
-        if slot.start < slot.stop
-        else effect
-        for effect, slot in zip(drafts, fit.slots, strict=True)
-    ]
-    if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
+        fit = replace(fit, centre=centre, sizes=sizes).with_sigma(by_noise)
+    fit = fit.with_effects([*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])])
+    if any(round(effect.times(fit.white.machine)) > LARGEST for effect in fit.effects):
         log_evidence = -math.inf
-    log_evidence += bounds
-    return altered(fit, log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
+    return altered(fit, log_evidence=log_evidence + bounds, log_positive=bounds)
 
 
 @dataclass(frozen=True)

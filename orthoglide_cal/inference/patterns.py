@@ -28,7 +28,13 @@ from orthoglide_cal.estimation.solution import Contrasts, Reduction, rms, withou
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
-from orthoglide_cal.inference.hypothesis import BLUNDER_SCALES, Hypothesis, Pattern, of_any_size
+from orthoglide_cal.inference.hypothesis import (
+    BLUNDER_SCALES,
+    Hypothesis,
+    Pattern,
+    Shape,
+    of_any_size,
+)
 from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.model import NORMAL_K, Estimate
@@ -78,42 +84,45 @@ def _clock(plan: Plan) -> tuple[Floats, float]:
     return since, float(since.max(initial=0.0)) or 1.0
 
 
-def _repeats(plan: Plan, fine: bool) -> Columns:
+def _repeats(plan: Plan, fine: bool, _: Floats | None = None) -> Columns:
     """The same in each cycle."""
     columns = plan.returning
     # The first mover is part of nothing larger.
     return columns[:, None], plan.movers[:, np.abs(columns).argmax(axis=0)].argmax(0), None
 
 
-def _drifts(plan: Plan, fine: bool) -> Columns:
+def _drifts(plan: Plan, fine: bool, periods: Floats | None = None) -> Columns:
     """Smooth in time: a sine of each gauge, of a period that they share."""
-    least = SMOOTH / np.bincount(plan.shared, minlength=1).max()
-    least = float(np.clip(least, *SHORTEST))
-    # Neighbours differ by the same part of a turn over the longest set-up.
-    count = (FINE if fine else COARSE) * SHORTEST[1] / least
-    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(count))
     since, longest = _clock(plan)
-    periods = longest / turns
+    if periods is None:
+        least = SMOOTH / np.bincount(plan.shared, minlength=1).max()
+        least = float(np.clip(least, *SHORTEST))
+        # Neighbours differ by the same part of a turn over the longest set-up.
+        count = (FINE if fine else COARSE) * SHORTEST[1] / least
+        periods = longest / np.linspace(1.0 / LONGEST, 1.0 / least, round(count))
     turn = 2.0 * np.pi * since[:, None] / periods
     return _by_mover(plan, np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(since), periods)
 
 
-def _settles(plan: Plan, fine: bool) -> Columns:
+def _settles(plan: Plan, fine: bool, constants: Floats | None = None) -> Columns:
     """From each set-up on, to rest."""
     since, longest = _clock(plan)
-    constants = longest * np.geomspace(*SETTLING, FINE if fine else COARSE)
+    if constants is None:
+        constants = longest * np.geomspace(*SETTLING, FINE if fine else COARSE)
     return _by_mover(plan, np.any(since) * np.exp(-since[:, None] / constants), constants)
 
 
-def _steps(plan: Plan, fine: bool) -> Columns:
+def _steps(plan: Plan, fine: bool, moments: Floats | None = None) -> Columns:
     """At one moment."""
-    moments = np.unique(plan.hours)[1:]
-    moments = moments[:: -(-len(moments) // MOMENTS) or 1]
+    if moments is None:
+        moments = np.unique(plan.hours)[1:]
+        moments = moments[:: -(-len(moments) // MOMENTS) or 1]
     return _by_mover(plan, (plan.hours[:, None] >= moments).astype(np.float64), moments)
 
 
-# Those that follow the plan alone; of data without an order in time the first is tried only.
-PLANNED: Mapping[str, Callable[[Plan, bool], Columns]] = MappingProxyType(
+# Those that follow the plan alone, in shapes of these parameters, or in those that are tried; of
+# data without an order in time the first is tried only.
+PLANNED: Mapping[str, Callable[[Plan, bool, Floats | None], Columns]] = MappingProxyType(
     {"repeats": _repeats, "drifts": _drifts, "settles": _settles, "steps": _steps}
 )
 # What does not return with its posture, whenever that is read again.
@@ -125,35 +134,38 @@ def pattern_candidates(fit: Fit, *, fine: bool) -> list[list[Pattern]]:
 
     Plungers that lag are followed in rounds if looked at closely.
     """
-    at = fit.hypothesis.at
+    at, white = fit.hypothesis.at, fit.hypothesis.at.white
     predicted = at.versions[0] - at.residuals[0]
-    turned = _turned(at.white, predicted)
-    for _ in range(ROUNDS * (fine and bool(turned.any()))):
-        every = _candidates(at, turned, fine)
+
+    def lags(moved: Floats | float) -> Columns:
+        noise = white.machine.instrument.noise_mm
+        return _lags(white.plan, white.plain(predicted + moved), noise)
+
+    columns = lags(0.0) if white.raw else None
+    for _ in range(ROUNDS * (fine and columns is not None and bool(columns[0].any()))):
+        every = _candidates(at, columns, fine)
         lagging = [patterns for patterns in every if patterns[0].how == "hysteresis"]
         scores = scores_of(fit, lagging)
         if not scores:
             break
-        moved = at.jacobian @ (extended(fit, scores[-1].patterns[0]).offsets - at.offsets[0])
-        turned = _turned(at.white, predicted + moved)
-    return _candidates(at, turned, fine)
+        offsets = extended(fit, scores[-1].patterns[0]).offsets
+        columns = lags(at.jacobian @ (offsets - at.offsets[0]))
+    return _candidates(at, columns, fine)
 
 
-def _turned(white: Whitened, predicted: Floats) -> Floats:
-    """Expected sign of the movement of each reading's own plunger before it, shape (n,).
+def _lags(plan: Plan, readings: Floats, noise_mm: float) -> Columns:
+    """By the direction in which the plunger moved last: half of it behind.
 
-    A model predicts `predicted` of the data, shape (k,) [mm].
+    `readings` are expected, (n,) [mm]; of small movements the sign is uncertain.
     """
-    turned = np.zeros(len(white.plan))
-    if white.raw:
-        rows, first = white.plan.sequence
-        moved = np.diff(white.plain(predicted)[rows], prepend=0.0)
-        turned[rows] = np.where(first, 0.0, erf(0.5 * moved / white.machine.instrument.noise_mm))
-    return turned
+    rows, first = plan.sequence
+    moved, turned = np.diff(readings[rows], prepend=0.0), np.empty(len(plan))
+    turned[rows] = np.where(first, 0.0, erf(0.5 * moved / noise_mm))
+    return _by_mover(plan, -0.5 * turned * ~plan.touches)
 
 
-def _candidates(at: Linearised, turned: Floats, fine: bool) -> list[list[Pattern]]:
-    """Every how at the wheres where it shows, for movements of plungers (see `_turned`)."""
+def _candidates(at: Linearised, lags: Columns | None, fine: bool) -> list[list[Pattern]]:
+    """Every how at the wheres where it shows; `lags` are of plungers, None without an order."""
     white, plan = at.white, at.white.plan
     wheres, selected, _ = _wheres(plan.steps, white.raw)
     every = {
@@ -161,12 +173,11 @@ def _candidates(at: Linearised, turned: Floats, fine: bool) -> list[list[Pattern
         for how in PLANNED
         if white.raw
     }
-    if white.raw:
+    if lags is not None:
         kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
         span = float(np.ptp(kelvin))
         more = {
-            # By the direction in which the plunger moved last: half of it behind.
-            "hysteresis": _by_mover(plan, -0.5 * turned * ~plan.touches),
+            "hysteresis": lags,
             "temperature": _by_mover(plan, kelvin / (span or 1.0), np.array([span])),
         }
     else:
@@ -203,7 +214,7 @@ def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools, Bools]:
 @functools.lru_cache(maxsize=32)
 def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
     """Columns of what follows the plan of readings in time alone, and `_shown` of them."""
-    columns = PLANNED[how](plan, fine)
+    columns = PLANNED[how](plan, fine, None)
     return columns, _shown(zero_free(plan), plan, True, columns)
 
 
@@ -359,7 +370,25 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
         )
     # What the pattern makes is no local shape.
     draft = draft.with_local_shape()
-    return draft.with_sigma(draft.by_noise)
+    draft = draft.with_sigma(draft.by_noise)
+    return replace(draft, patterns={**fit.patterns, pattern: shape})
+
+
+def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> Floats:
+    """Columns of unit size of a shape of a pattern, where it acts under any plan, (n, q).
+
+    `readings` are expected there, (n,) [mm]. None of more noise, of a temperature that nobody knows
+    there, and of what is at one place.
+    """
+    if pattern.how in PLANNED:
+        columns, *_ = PLANNED[pattern.how](plan, True, np.array([shape.parameter]))
+    elif pattern.how == "hysteresis":
+        columns, *_ = _lags(plan, readings, pattern.at.white.machine.instrument.noise_mm)
+    else:
+        return np.zeros((len(plan), 0))
+    columns, nowhere = columns[:, 0], np.zeros(len(plan), np.bool_)
+    rows = next((rows for where, rows in plan.wheres(True) if where == pattern.where), nowhere)
+    return columns[:, columns.any(axis=0) & ~columns[~rows].any(axis=0)]
 
 
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
@@ -418,7 +447,8 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
         fit = extended(fit, pattern)
     shares = np.array([shape.share for shape in last.shapes])
     shares = (shares / shares.sum()).tolist()
-    return [(share, extended(fit, last, k)) for k, share in enumerate(shares)]
+    fits = (extended(fit, last, k).with_effects(fit.effects) for k in range(len(shares)))
+    return [*zip(shares, fits, strict=True)]
 
 
 def residual_of(hypothesis: Hypothesis, fit: Fit) -> Floats:

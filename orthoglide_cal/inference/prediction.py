@@ -13,10 +13,11 @@ from orthoglide_cal.estimation.gaussian import root_of, unexplained, whiten_shar
 from orthoglide_cal.estimation.solution import chance_of_residual, fit_offsets, rms
 from orthoglide_cal.inference.data import Ids, Whitened, as_read
 from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
+from orthoglide_cal.inference.patterns import under_plan
 from orthoglide_cal.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import Reason
 
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -25,6 +26,8 @@ MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
 # Powers of x and y, in addition to what the calibrated parameters do.
 QUARTIC = tuple((i, k - i) for k in (2, 3, 4) for i in range(k + 1))
 TINY = 1e-30  # mm²
+# Cosine of the angle between columns of a pattern beyond which they are the same.
+ALIKE = 0.9
 # Correlation from which maps of two dates are no noise; a definition: what repeats then has four
 # times the variance, twice the size, of what does not.
 REPEATS = 0.8
@@ -34,13 +37,17 @@ REPEATS = 0.8
 Expected = tuple[Floats, Floats, Floats]
 
 
-def expect(fit: Fit, model: Model, plan: Plan, stay: Plan | None = None) -> Expected:
+def expect(
+    fit: Fit, model: Model, plan: Plan, first: Plan | None = None, continues: bool = False
+) -> Expected:
     """Readings of a plan as a fit to the first ones has them.
 
     What belongs to the set-up goes on only where the set-up does, a step of estimated size with its
-    uncertainty; `stay` are the first readings if their stands are still there.
+    uncertainty. What no cause makes acts as in the first readings at their gauges and places, and
+    by any plausible size at others. `first` are those, which the plan begins with; None if it does
+    not, or they are not known. Their stands are still there if it `continues`.
     """
-    width = fit.offsets.size
+    width, stay = fit.offsets.size, first if continues else None
     going_on = () if stay is None else fit.effects
     sized = [e for e in fit.effects if e.cause.lasting or (going_on and e.covariance is not None)]
     passing = [effect for effect in going_on if effect not in sized]
@@ -68,12 +75,34 @@ def expect(fit: Fit, model: Model, plan: Plan, stay: Plan | None = None) -> Expe
         slots.append(slice(start, start + known))
         columns.append(after.columns[:, :known])
         fresh.append(after.columns[:, known:])
-    chosen = np.r_[tuple(slots)]
-    new = np.hstack(fresh)
-    joint = np.eye(len(chosen) + new.shape[1])
-    joint[: len(chosen), : len(chosen)] = fit.covariance[np.ix_(chosen, chosen)]
-    root = root_of(joint)
-    return mean, slopes[:, :width], np.vstack((np.hstack((*columns, new)) @ root, root[:width]))
+    end = fit.first_uncertain
+    for pattern, shape in [*fit.patterns.items()][::-1]:
+        if pattern.how == "scatters":
+            continue
+        then, before = under_plan(pattern, shape, plan, mean), shape.columns
+        there = before[:, :0] if first is None else then[: len(before)]
+        old, again = np.nonzero(_alike(before, there))
+        end -= before.shape[1]
+        slots.append(end + old)
+        columns.append(then[:, again])
+        mean = mean + then[:, again] @ fit.moved[end + old]
+        fresh.append(shape.size * np.delete(then, again, axis=1))
+    chosen, new = np.r_[tuple(slots)], np.hstack(fresh)
+    root = root_of(fit.covariance[np.ix_(chosen, chosen)])
+    readings = np.hstack((np.hstack(columns) @ root, new))
+    parameters = np.hstack((root[:width], np.zeros((width, new.shape[1]))))
+    return mean, slopes[:, :width], np.vstack((readings, parameters))
+
+
+def _alike(before: Floats, after: Floats) -> Bools:
+    """Which of the columns (n, q) of a pattern is which of those that it has then, (n, r): (q, r).
+
+    The same but for what the movements of a plunger that are expected differ by.
+    """
+    sizes = np.outer(*(np.linalg.norm(one, axis=0) for one in (before, after)))
+    likeness = np.abs(before.T @ after) / np.maximum(sizes, TINY)
+    best = likeness == likeness.max(axis=1, initial=ALIKE, keepdims=True)
+    return np.asarray(best, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)

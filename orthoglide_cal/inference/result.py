@@ -40,7 +40,9 @@ class NextMeasurement(Schema):
     # What `measure` is told for it if it is a session of its own; None if it continues what was
     # read.
     session: str | None = None
-    separates: Ids = ()  # of each of the two the first cause that the other lacks, or has as well
+    # Of each of the two the first cause that the other lacks, or has as well; of one with patterns
+    # what it is called among the explanations.
+    separates: Ids = ()
     # Of the two likeliest explanations that it distinguishes, the causes that the other lacks, or
     # all if one has no more; empty if nothing is open that readings tell.
     between: tuple[Ids, ...] = ()

@@ -522,9 +522,12 @@ class Machine(Schema):
     def home_mm(self) -> float:
         """Joint value from which displacements count [mm]."""
 
-    @abstractmethod
     def command(self, plan: AnyPlan) -> Command:
-        """Where the carriages are sent; raises PostureError for a posture out of reach."""
+        """Where the carriages are sent, of a kind whose `sensed` knows its derivative.
+
+        Raises PostureError for a posture out of reach.
+        """
+        raise NotImplementedError
 
     @abstractmethod
     def sensed(

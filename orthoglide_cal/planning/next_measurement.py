@@ -13,12 +13,12 @@ from operator import ne
 import numpy as np
 from scipy.special import ndtr
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture, whiten
 from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.inference.data import UNSEEN, Ids
-from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import Expected, expect
@@ -258,17 +258,22 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         for p, (mean, _) in zip(predicted, odds, strict=True)
     ])  # fmt: skip
     shares, fits = np.array([share for share, _ in likeliest]), [fit for _, fit in likeliest]
-    # Another session meets what lasts.
+    # Another session meets what lasts. All patterns are one answer: that it is not listed.
+    hypotheses = [fit.hypothesis for fit in fits]
     met = ([e.cause for e in fit.effects if e.cause.lasting or first is not None] for fit in fits)
-    ids = [tuple(cause.id for cause in causes) for causes in met]
+    pairs = zip(hypotheses, met, strict=True)
+    ids = [(one.label,) if one.patterns else tuple(c.id for c in causes) for one, causes in pairs]
     # Whether two explanations are different answers: other causes, another remedy, (f, f).
-    answers = [*zip(map(frozenset, ids), (fit.hypothesis.remedy for fit in fits), strict=True)]
+    remedies = ("" if one.patterns else one.remedy for one in hypotheses)
+    answers = [*zip(map(frozenset, ids), remedies, strict=True)]
     differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
     others = np.array(differ) & diagnosis.undecided
     # ln of how far below its bound a rival (second index) is against the true one; one that may be
-    # at several places keeps at each its part of what its name may keep.
-    places, known = Counter(ids), np.ones_like(shares) if alone else shares
-    bounds = np.array([[keep_ratio(other, one) / places[other] for other in ids] for one in ids])
+    # at several places keeps at each its part of what its name may keep, and so do patterns.
+    alike = [("",) if one.patterns else name for one, name in zip(hypotheses, ids, strict=True)]
+    places, known = Counter(alike), np.ones_like(shares) if alone else shares
+    bounds = np.array([[diagnosis.kept(h, best) for h in hypotheses] for best in hypotheses])
+    bounds /= [places[name] for name in alike]
     spare, shares = np.log(known[:, None] / known * bounds), shares / shares.sum()
     # Chance that new readings dismiss all other answers than the true explanation.
     sure = [np.where(others, ndtr((spare + mean) / std), 1.0).min(axis=1) for mean, std in odds]
@@ -278,6 +283,8 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     losses = [SITTING + o.minutes + (1.0 - chance) * STILL_OPEN for o, chance in asked]
     open_pairs = others & (apart.max(axis=0) >= TRACE_SIGMA) & (min(losses) < STILL_OPEN)
     decides = bool(open_pairs.any())
+    # U is that of a listed explanation.
+    listed = np.where([one.patterns != () for one in hypotheses], 0.0, shares)
     total = sum(share for share, _ in diagnosis.left_open)
     within = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
     between = np.diag(diagnosis.covariance_mm2 - within)
@@ -289,7 +296,8 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         then = predicted[number].part(judged, slice(None))
         split = np.split(np.arange(then.means.shape[1]), [readings.stop])
         spreads = then.given(then.means[0, readings], *split).covariance
-        variance = shares @ np.diagonal(spreads, axis1=1, axis2=2) + (1.0 - chance) * between
+        variance = listed @ np.diagonal(spreads, axis1=1, axis2=2) / listed.sum()
+        variance += (1.0 - chance) * between
         whole = option.plan if first is None else Plan.joined(first, option.plan)
         variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
         expanded = NORMAL_K * np.sqrt(variance)
@@ -333,31 +341,25 @@ def _separated(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> dict[str
     """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
 
     As fields of a measurement; none without such a pair. Explanations come in the order of their
-    probability, the accepted one first. A rival that holds only some of the causes comes last: a
-    diagnosis does not state it.
+    probability, the accepted one first; those with patterns come after those without. A rival that
+    holds only some of the causes comes last: a diagnosis does not state it.
     """
     pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(open_pairs, 1)).tolist()]
     if not pairs:
         return {}
 
-    def last(pair: tuple[int, int]) -> tuple[bool, bool]:
+    def last(pair: tuple[int, int]) -> tuple[bool, bool, bool]:
         one, other = (set(ids[k]) for k in pair)
-        return bool(sigma[pair] < TRACE_SIGMA), other < one
+        return bool(sigma[pair] < TRACE_SIGMA), not one | other <= CAUSES.keys(), other < one
 
     pair = min(pairs, key=last)
     one, other = (ids[k] for k in pair)
-    lacking = (
-        tuple(id for id in one if id not in other),
-        tuple(id for id in other if id not in one),
-    )
-    between = lacking if all(lacking) else (one, other)
+    lacking = [tuple(id for id in a if id not in b) for a, b in ((one, other), (other, one))]
+    between = tuple(lacking) if all(lacking) else (one, other)
     # Of each the first cause that the other lacks, or has as well.
     separates = (min(x, key=y.__contains__, default="") for x, y in (between, between[::-1]))
-    return {
-        "between": between,
-        "separates": tuple(separates),
-        "separation_sigma": float(sigma[pair]),
-    }
+    size = float(sigma[pair])
+    return {"between": between, "separates": tuple(separates), "separation_sigma": size}
 
 
 def predictions(
@@ -375,7 +377,7 @@ def predictions(
         plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}
         plan, spans = _together(first, [*plans.values()])
         stay = first if continues else None
-        expected = [expect(fit, model, plan, stay) for _, fit in weighted]
+        expected = [expect(fit, model, plan, first, continues) for _, fit in weighted]
         for (k, new), span in zip(plans.items(), spans, strict=True):
             predicted[k] = _combined(weighted, expected, span, new, stay)
     return [predicted[k] for k in range(len(choice))]
@@ -411,6 +413,7 @@ def _combined(
     means = free(np.column_stack([mean for mean, _, _ in expected]))
     roots = [free(root) for _, _, root in expected]
     columns = np.hstack((means[:, 1:] - means[:, :1], *roots))
+    columns = columns[:, columns.any(axis=0)]
     # An orthonormal basis of the directions that exceed the noise, shape (m, r).
     m, c = columns.shape
     size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)

@@ -11,11 +11,14 @@ import tomllib
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
+from itertools import chain
 from typing import Any
 
 import yaml
 
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.inference.result import FoundPattern
+from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -52,18 +55,25 @@ _SENTENCES: Mapping[str, str] = {
     **_TEXTS["sentences"],
     **{code: " ".join(texts.values()) for code, texts in _DOUBTS.items()},
 }
+_OF_CAUSES = {"title", "check", "advice", "no_setting"}
 # After so many time constants what settles has come to rest: 2 % are left.
 RESTING = 4.0
 
 
 @cache
 def _cause(id: str, kind: str) -> Mapping[str, str]:
-    """Words of a cause on a kind of machine: the title of its page, and what stands above that."""
-    page = (files("orthoglide_cal") / "guide" / "causes" / f"{id}.md").read_text("utf-8")
-    _, above, below = page.split("---\n", 2)
+    """Words of a cause on a kind of machine: the title of its page, and what stands above that.
+
+    Raises InputError: a key there is neither such a word nor a kind of machine.
+    """
+    path = f"guide/causes/{id}.md"
+    _, above, below = (files("orthoglide_cal") / path).read_text("utf-8").split("---\n", 2)
     title, texts = below.strip().partition("\n")[0].partition(": ")[2], yaml.safe_load(above)
-    usual = {name: text for name, text in texts.items() if isinstance(text, str)}
-    return {"title": title, **_TEXTS["causes"], **usual, **texts.get(kind, {})}
+    of_kinds = {name: texts.pop(name, {}) for name in MACHINES}
+    for name in {*texts}.union(*of_kinds.values()) - _OF_CAUSES:
+        known = ", ".join(sorted({*_OF_CAUSES, *MACHINES}))
+        raise InputError("The key is not known.", f"Known: {known}.", file=path, column=name)
+    return {"title": title, **_TEXTS["causes"], **texts, **of_kinds[kind]}
 
 
 def cause_words(id: str, machine: Machine, where: str = "") -> Mapping[str, str]:
@@ -107,10 +117,10 @@ def pattern_name(pattern: FoundPattern) -> str:
     return _PATTERNS[pattern.how]["noun"].removeprefix("a ")
 
 
-def label_words(label: str) -> str:
-    """The pattern that a label begins with: of "steps leg x, misread" a step at leg x."""
-    how, _, where = label.partition(",")[0].partition(" ")
-    return f"{_PATTERNS[how]['noun']}{f' at {where}' * bool(where)}"
+def label_words(part: str) -> str:
+    """A pattern, or cause, of a label of explanations: of "steps leg x" a step at leg x."""
+    how, _, where = part.partition(" ")
+    return f"{_PATTERNS[how]['noun']}{f' at {where}' * bool(where)}" if how in _PATTERNS else part
 
 
 def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
@@ -144,7 +154,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
     "lines": lambda numbers: f"Line{'s' * (len(numbers) > 1)} {listed(numbers)}",
-    "with": together,
+    "with": lambda ids: together([*map(label_words, chain(*(id.split(", ") for id in ids)))]),
     "too": lambda titles: "".join(f" and {title}" for title in titles),
     "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
     # A cause, or those that look the same.

@@ -639,8 +639,8 @@ class Dialogue:
                 # A script means what it says.
                 doubtful = self.asker.keyboard.live and _is_reading(text)
                 if doubtful and not self._agrees(f"{text} is a number. Keep it as a note? y/n > "):
-                    text = ""
-                if text:
+                    self.asker.say("Not kept.")
+                elif text:
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
             case "s" if words.lower().split()[:1] == ["all"]:

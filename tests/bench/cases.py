@@ -45,6 +45,9 @@ NOISES = (0.005, 0.013, 0.030)
 PRINTERS = (V400, replace(KOSSEL, texture=0.005))
 """A plate with foil and magnets, and a glass."""
 
+SHAPES = {"bed_shape", "tower_lean"}
+"""At one height they show the same; which sizes are the more plausible is no evidence."""
+
 KINDS = ("distinct", "close", "faint", "healthy", "outside", "pair", "half pair")
 
 
@@ -82,8 +85,9 @@ class Case:
         """What is asked of the answer: one of `KINDS`.
 
         `distinct`: every rival and the healthy machine are as far away as the separation's bound.
-        `close`: some rival is nearer. `faint`: the healthy machine itself is nearer, so that
-        `consistent` is right too. `pair`: no single cause is nearer; `half pair`: one is.
+        `close`: some rival is nearer, or a shape is seen from one height. `faint`: the healthy
+        machine itself is nearer, so that `consistent` is right too. `pair`: no single cause is
+        nearer; `half pair`: one is.
         """
         if self.session.outside is not None:
             return "outside"
@@ -94,7 +98,9 @@ class Case:
             return "pair" if self.separation.distance >= bound else "half pair"
         if self.separation.visible < bound:
             return "faint"
-        return "distinct" if self.separation.distance >= bound else "close"
+        flat = isinstance(self.session, DeltaSession) and len(self.session.layout.heights) < 2
+        clear = self.separation.distance >= bound and not (flat and {*self.session.causes} & SHAPES)
+        return "distinct" if clear else "close"
 
 
 def draw_gauges(

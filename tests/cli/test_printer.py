@@ -157,7 +157,7 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
     """Afterwards the firmware has what was true, so nothing is left but noise."""
     both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
     compared = found(*both)
-    assert "Nothing more to do." in run(*both).stdout
+    assert "\n  Nothing more to do.\n" in run(*both).stdout
     # Before, entering lowered the nozzle; now that is no reservation.
     stored = run(*both[:-1], "calibration").stdout
     assert stored.startswith("✔ The touches agree better than before, as predicted\n")

@@ -9,6 +9,9 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.machine_file import default_machine
+from orthoglide_cal.report import sentences
 from orthoglide_cal.words import unit_words
 from tests.cli.program import DOUBLE, done, lines, run
 from tests.machines import ROOT
@@ -46,6 +49,14 @@ def test_the_page_of_a_cause_says_what_the_cause_is(id: str) -> None:
             assert re.search(said, " ".join(page.split())), f"its size on a {kind}"
     if list(sizes) == ["linear_delta"]:
         assert "Of a linear delta." in page
+
+
+def test_a_key_of_its_head_that_nobody_reads_is_refused(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(sentences, "files", lambda _: tmp_path)
+    (path := tmp_path / "guide" / "causes" / "odd.md").parent.mkdir(parents=True)
+    path.write_text("---\ncheck: c\nlinear_dleta:\n  advice: a\n---\n\n# odd: o\n", "utf-8")
+    with pytest.raises(InputError, match=r"causes/odd.md, linear_dleta: .*Known: advice, check"):
+        sentences.cause_words("odd", default_machine().machine)
 
 
 def test_every_page_stands_in_a_list() -> None:

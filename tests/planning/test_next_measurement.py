@@ -9,6 +9,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.inference.prediction import expect
 from orthoglide_cal.inference.result import NextMeasurement, Verdict
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.model.model import synthetic_session
@@ -231,6 +232,28 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
         assert expected == pytest.approx(np.linalg.norm(apart), rel=1e-3)
 
 
+def test_what_no_cause_makes_is_a_rival_like_any_other() -> None:
+    """What returns with its posture is read again there; a lag has any size at a new stand."""
+    session = truth.make_session(
+        7_700_001, truth.PROTOTYPE, truth.DIAL, ("gauge_drift", "backlash")
+    )
+    readings, model = known(session)
+    found, plan, n = diagnose(readings, model), readings.plan, len(readings)
+    assert (found.ambiguous_with, found.is_nameable) == ((), False)
+    later = replace(plan, setup=plan.setup + plan.setups, part=plan.part + 1, order=plan.order + n)
+    both, white, lasting = Plan.joined(plan, later), found.white, []
+    for _, fit in found.by_place[1:]:
+        mean, _, root = expect(fit, model, both, plan)
+        assert white.matrix @ (readings.value - mean[:n]) == pytest.approx(fit.left, abs=3e-4)
+        before, after = (white.matrix @ root[part] for part in (slice(n), slice(n, 2 * n)))
+        lasting.append(np.linalg.norm(after) < 1.01 * np.linalg.norm(before))
+    assert lasting == [True, False, False]
+    following = best_next(found)
+    assert following.separates == ("backlash", "repeats direction x")
+    after = diagnose(*known(continued(session, following, 1)))
+    assert (after.verdict, after.accepted) == ("named", ("backlash",))
+
+
 # --- beside data that no readings can be joined to: a session of its own ----------------------
 
 
@@ -253,7 +276,7 @@ def measured_alone(session: truth.Session, option: NextMeasurement, seed: int) -
     "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4))]
 )
 def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int) -> None:
-    """A chance of 0.96 or more for each of 24 sessions: all of them are named rightly."""
+    """Foretold for 0.93 or more of each, patterns included: all of 24 are named rightly."""
     (rival,) = {"axis_gap", "bar_skew"} - {cause}
     session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (cause,))
     readings, model = known(session)
@@ -262,7 +285,7 @@ def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int)
     following = best_next(found)
     assert following.session is not None
     assert following.between
-    assert following.chance > 0.96
+    assert following.chance > 0.93
     assert following.minutes < 25.0
     for again in range(3):
         after = diagnose(measured_alone(session, following, again), model)

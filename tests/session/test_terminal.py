@@ -183,13 +183,13 @@ def test_a_reader_that_goes_away(tmp_path: Path) -> None:
 
 def test_a_number_typed_as_a_note_is_asked_about(tmp_path: Path) -> None:
     with Terminal(tmp_path, "s.yaml") as terminal:
-        for answer in "ny":
+        for answer, said in (("n", "Not kept"), ("y", "Noted at step 1")):
             assert terminal.step() == 1
             terminal.type("n")
             for prompt, line in (("Note > ", "-0.64"), (r"as a note\? y/n > ", answer)):
                 terminal.expect(prompt)
                 terminal.type(line)
-        terminal.expect("Noted at step 1")
+            terminal.expect(said)
     assert (tmp_path / "s.journal").read_text().count('"noted"') == 1
 
 

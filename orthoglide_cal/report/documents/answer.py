@@ -302,7 +302,7 @@ def _shares(answer: Answer) -> str:
     """The most probable of the answers that are open and the share of all others, 100 % in all."""
     shares = {_name(state): state.probability for state in answer.explanations if state.parameters}
     patterns = {state.pattern: state.probability for state in answer.explanations if state.pattern}
-    likeliest = next(map(label_words, patterns), "")
+    likeliest = label_words(next(iter(patterns), "").partition(",")[0])
     shares[f"something that is not on the list, such as {likeliest}"] = sum(patterns.values())
     most = 2 if "few_readings" in answer.release.codes else _MOST_LIKELY
     likely = dict(sorted(shares.items(), key=lambda pair: -pair[1])[:most])

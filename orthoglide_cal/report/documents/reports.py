@@ -104,7 +104,7 @@ def calibration_document(
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
             measured = _differences_left(left).blocks
-            sheet = [_parameters_left(left), doc.next_steps(_verification_steps(left), *measured)]
+            sheet = [_parameters_left(left), _after_verification(left, *measured)]
         elif released:
             notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
         else:
@@ -306,8 +306,7 @@ def verification_document(result: Verification) -> doc.Document:
         # Their title says what the notice above does.
         figure = _left_figure(result)
         differences = [*figure.plain[1:]] if figure else []
-        steps = _verification_steps(result, brief=True)
-        last = doc.next_steps(steps, "More: the same with --details")
+        last = _after_verification(result, "More: the same with --details", brief=True)
 
         def made() -> doc.Page:
             sections = doc.Section(None, *differences), doc.Section(None, parameters), last
@@ -327,7 +326,7 @@ def verification_document(result: Verification) -> doc.Document:
                 _differences_left(result),
                 doc.Section("How the machine responded", *_response(result)),
                 doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
-                doc.next_steps(_verification_steps(result, brief=True)),
+                _after_verification(result, brief=True),
             ),
         )
 
@@ -404,11 +403,17 @@ def _size(result: Verification, size_mm: float) -> str:
     return f"{plain(1000.0 * size_mm, 0)} µm"
 
 
-def _verification_steps(result: Verification, *, brief: bool = False) -> Iterator[doc.Line]:
-    """Next steps after the adjustment was measured.
+def _after_verification(result: Verification, *more: doc.Block, brief: bool = False) -> doc.Section:
+    """Next steps after the adjustment was measured, or that there are none.
 
     `brief` is for a screen, which says the answer above and is no report.
     """
+    steps = [*_verification_steps(result, brief=brief)]
+    done = f"Nothing more to do{': keep this report with the machine' * (not brief)}."
+    return doc.next_steps(steps, None if steps else done, *more)
+
+
+def _verification_steps(result: Verification, *, brief: bool) -> Iterator[doc.Line]:
     before, after = result.before.path, result.after.path
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
@@ -430,8 +435,6 @@ def _verification_steps(result: Verification, *, brief: bool = False) -> Iterato
             limit = result.decision and result.decision.limit_mm
             write = command("report", before, machine=machine_file, after=after, limit=limit)
             yield doc.step("Write the report, and keep it with the machine", write)
-        elif outcome is not Outcome.UNDECIDED:
-            yield f"Nothing more to do{': keep this report with the machine' * (not brief)}."
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
