@@ -83,6 +83,8 @@ _FORMATS = (
             "reprapfirmware", gcode.read_listed, gcode.codes_beside),
     _Format("a map of Repetier (G33)", gcode.REPETIER_MAP, _NAME + "FILE",
             "text", gcode.read_listed),
+    _Format("what Repetier prints while it probes", re.compile(r"\bZ-probe: ?[-\d.]+ X:", re.I),
+            "Give its map: what G33 L0 prints."),
     _Format("a firmware's settings file", gcode.SETTINGS,
             "Give what was probed, such as heightmap.csv, and this file by --machine."),
     _Format("a journal of orthocal", re.compile(r'\A\{"crc32":'), _GIVE),

@@ -81,17 +81,29 @@ class Diagnosis(Decision):
 
     @property
     def carried(self) -> Fit:
-        """The fit of what lasts, to be carried to other days.
+        """The fit of what lasts, to be carried to other days."""
+        return self._carried(self.best if self.verdict is Verdict.UNEXPLAINED else self.accepted)
+
+    def _carried(self, ids: Ids) -> Fit:
+        """The same of a set of causes.
 
         Of readings of one plane a smooth shape, whatever makes it, and the motions that they show.
         """
         hypotheses = self.hypotheses
-        ids = self.best if self.verdict is Verdict.UNEXPLAINED else self.accepted
         if (self.shape,) not in hypotheses:
-            return self.fit
+            return self.fit_of(ids)
         beside = (id for id in ids if not CAUSES[id].repeats)
         with_shape = tuple(sorted((self.shape, *beside)))
         return self.fit_of(with_shape if with_shape in hypotheses else (self.shape,))
+
+    def refutation(self, later: Later) -> Reason | None:
+        """How later readings refute each set of causes that is named or left open, if they do."""
+        sets = (self.accepted, *(self.rival_sets if self.verdict is Verdict.AMBIGUOUS else ()))
+        if not all(any(CAUSES[id].lasting for id in ids) for ids in sets):
+            return None  # something else may have acted that day
+        nothing = self.fit_of(())
+        reasons = [later.refute(ids, self._carried(ids), nothing) for ids in sets]
+        return reasons[0] if all(reasons) else None
 
     @cached_property
     def alone(self) -> Solution:
@@ -723,9 +735,8 @@ def diagnose(
             for fit in (nothing, diagnosis.carried)
         )
         # Whoever adjusted the machine may have removed what acted before.
-        if later and diagnosis.verdict is Verdict.NAMED and not later.entered.any():
-            refuted = later.refute(diagnosis.accepted, diagnosis.carried, nothing)
-            diagnosis = replace(diagnosis, refuted=refuted) if refuted else diagnosis
+        if later and not later.entered.any():
+            diagnosis = replace(diagnosis, refuted=diagnosis.refuted or diagnosis.refutation(later))
         # Without the cause the errors are in the unit that was written down, too.
         unit = 1.0 if later else unit_of(diagnosis.fit.effects)
         held_out = replace(before, rms_mm=before.rms_mm * unit), after

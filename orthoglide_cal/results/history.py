@@ -158,10 +158,8 @@ class _Session:
             other = later.decision
             wrong = {*other.accepted, *other.ambiguous_with}
             if other.verdict is not Verdict.UNEXPLAINED and wrong <= {*decision.accepted}:
-                fits = decision.carried, decision.fit_of(())
                 unseen = Later(later.white, self.white.machine, np.zeros(self.width), self.width)
-                refuted = unseen.refute(decision.accepted, *fits)
-                decision = replace(decision, refuted=refuted)
+                decision = replace(decision, refuted=decision.refutation(unseen))
         if decision.refuted:
             data = {**decision.refuted.data, "of_file": self.given.name}
             self.refuted = decision.refuted.changed(data=data)

@@ -495,7 +495,7 @@ def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
     judged = diagnosis.lack_of_fit.judgement
     suspicious = judged.code == "residuals_too_large"
     # As stated, not as widened by the diagnosis to cover what is left.
-    if factor > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
+    if round(factor, 1) > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
         yield Reason.of("local_shape", factor=factor)
     elif not solution.dof or (suspicious and diagnosis.verdict is Verdict.CONSISTENT):
         # Without spare readings nothing can contradict or support the offsets. What a named
@@ -524,7 +524,8 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
 def _unexplained(diagnosis: Diagnosis) -> Release:
     patterns = diagnosis.acting
     remedies = tuple(Remedy.of("beyond_remedy", "measure", THEN, pattern=one) for one in patterns)
-    if not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
+    known = all(diagnosis.model.machine.determined(NORMAL_K * diagnosis.std_mm))
+    if known and not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
     sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
@@ -619,7 +620,8 @@ def _named(
         beyond = any(abs(size.value) > size.expanded for size in finding.parameters)
         if cause.adjustable and beyond:
             remedies.append(Remedy.of("adjust", "adjust", f"--cause {finding.id}"))
-    if np.all(shift <= NORMAL_K * diagnosis.std_mm):
+    u = NORMAL_K * diagnosis.std_mm
+    if np.all(shift <= u) and all(machine.determined(u)):
         caution = Reason.of("within_u", ids=ids, **size)
     elif all(id in corrects for id in ids):
         caution = Reason.of("corrected", ids=ids, **size)

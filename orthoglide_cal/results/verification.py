@@ -55,8 +55,6 @@ from orthoglide_cal.results.making import parameters_of, remainder, validity, wi
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
-# A promise is that of heights that are less than this share of those before.
-A_PROMISE = 0.95
 
 
 class Outcome(StrEnum):
@@ -145,11 +143,12 @@ class Verification(Schema):
     apart_mm: float | None = None  # of differences: r.m.s. of measured less predicted
     # r.m.s. of the U of both together; beyond it not as predicted.
     apart_expanded_mm: float | None = None
+    improves: bool | None = None  # of heights: the prediction is better than before, beyond noise
     moved: bool = False  # worse than before, although nothing was entered
     reservations: tuple[Sentence, ...]  # what to know before relying on it
     rms_before_mm: float
     rms_promised_mm: float
-    # Of heights: U with which the two agree if all is as predicted.
+    # Of heights: how far they may lie apart, on the side of what was measured, to be as predicted.
     rms_expanded_mm: float | None = None
     rms_after_mm: float
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
@@ -300,22 +299,24 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
     most = promised + 2.0 * len(entered) * noise2 / count + reach
-    kept = promised - reach <= now <= most
-    before_mm, promised_mm, after_mm, most_mm = np.sqrt((was, promised, now, most)).tolist()
-    if promised_mm < A_PROMISE * before_mm:
+    squares = was, promised, now, max(promised - reach, 0.0), most
+    before_mm, promised_mm, after_mm, least_mm, most_mm = np.sqrt(squares).tolist()
+    taken = count * (was - promised)  # by the parameters; of noise they take p degrees of freedom
+    improves = chance_of_residual(taken, len(entered), math.sqrt(noise2)) < SUSPICIOUS
+    if improves:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
-        kept = kept and after_mm < (before_mm + promised_mm) / 2.0
-    nothing = not any(by is None or by for by in entered)
+        most_mm = min(most_mm, (before_mm + promised_mm) / 2.0)
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
         corrected=corrected,
         compared=touches,
-        kept=kept,
-        moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
+        kept=least_mm <= after_mm <= most_mm,
+        improves=improves,
+        moved=set(entered) == {0.0} and now - was > NORMAL_K * math.hypot(u_was, u_now),
         rms_before_mm=before_mm,
         rms_promised_mm=promised_mm,
-        rms_expanded_mm=most_mm - promised_mm,
+        rms_expanded_mm=abs((least_mm if after_mm < promised_mm else most_mm) - promised_mm),
         rms_after_mm=after_mm,
     )
 
@@ -367,7 +368,8 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
     for when, conditions, other in (("Before", before, after), ("After", after, before)):
         for reason in conditions.reservations:
             both = reason in other.reservations
-            if not both or conditions is before:
+            # Nothing is entered now that could lower a nozzle.
+            if reason.code != "nozzle_lower" and (not both or conditions is before):
                 session = "Before and after" if both else when
                 yield Reason.of("of_session", when=session, reason=reason)
     ids = [[gauge.id for gauge in conditions.gauges] for conditions in (before, after)]

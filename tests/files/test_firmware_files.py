@@ -269,6 +269,12 @@ def test_heights_without_places_and_marlins_output_are_named(own: Path) -> None:
     settings = "CFG:  M666 A0 B0 C0 I0 J0 K0 U0 V0 W0 R150.00 D300.00 H379.00\n"
     [fault] = problems(read_input, saved(own, settings + G29, "mk.txt"))
     assert "what Marlin or MarlinKimbra prints" in fault.what
+    probed = "12:00:01.123 : Z-probe:0.120 X:0.00 Y:50.00\n"
+    [fault] = problems(read_input, saved(own, probed, "probed.txt"))
+    assert (fault.what.split(",")[0], fault.remedy) == (
+        "This is what Repetier prints while it probes",
+        "Give its map: what G33 L0 prints.",
+    )
 
 
 def test_b_of_m665_is_the_probe_radius_of_marlin_1_1(tmp_path: Path) -> None:

@@ -185,6 +185,20 @@ def test_a_date_refutes_the_shape_of_those_before_it() -> None:
     assert found.refuted.code == "refuted_later"
 
 
+def test_later_readings_refute_all_that_is_left_open() -> None:
+    """Towers that lean, or a bent bed; a week later the same the other way round."""
+    leans = np.array([[3.0, -1.0], [0.5, -4.0], [1.0, 3.0]])
+    first, same, other = (
+        given(probe_bed(V400, Truth(leans=sign * leans), (), Layout(61), np.random.default_rng(n)))
+        for n, sign in enumerate((1.0, 1.0, -1.0))
+    )
+    kept, refuted = (
+        diagnose(first.measured, first.model, later.measured) for later in (same, other)
+    )
+    assert (kept.verdict, kept.refuted) == (Verdict.AMBIGUOUS, None)
+    assert (refuted.verdict, refuted.refuted.code) == (Verdict.UNEXPLAINED, "refuted_later")
+
+
 def test_a_place_that_is_off_on_every_date_is_no_misreading() -> None:
     """Seven heights, one of them 0.4 mm off on each of four dates."""
     inputs, one = [], 0.4 * (np.arange(7) == 3)

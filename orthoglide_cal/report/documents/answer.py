@@ -157,8 +157,9 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     notes = [*_notes(case, brief=True)]
     it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
     causes = f" with {it}" * bool(answer.named or answer.patterns)
-    parameters = f"{case.words.many.capitalize()}{causes}: {sizes_words(answer.parameters)}."
-    decisive: list[doc.Block] = [*_sizes(case), parameters, *_open_blocks(case)]
+    known = sizes_words(answer.parameters)
+    parameters = [f"{case.words.many.capitalize()}{causes}: {known}."] if known else []
+    decisive: list[doc.Block] = [*_sizes(case), *parameters, *_open_blocks(case)]
     left = [] if undecided and not answer.holdout else [_rms_grid(case)]
     less_likely = [*range(2, _MOST_OPEN)]
 
@@ -241,7 +242,8 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
         reasons += [e for e in worst if e.code in INVALIDATING and e not in reasons]
     if diagnosed and (release.usable or answer.verdict not in (None, Verdict.CONSISTENT)):
         lines.insert(0, f"{title}.")
-        if meant := next((e for e in reasons if e.code in _MEANT and release.sound), None):
+        meant = next((e for e in reasons if e.code in _MEANT and release.sound), None)
+        if meant and not release.settled:
             u = {p.unit: p.expanded for p in sorted(answer.parameters, key=attrgetter("expanded"))}
             lines[0] = says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
         # The headline says them.

@@ -343,14 +343,14 @@ def _verification_notice(result: Verification) -> doc.Notice:
     says, outcome = _says(result), result.decision and result.decision.outcome
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
-    lines = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."]
-    done = []
+    if result.rms_expanded_mm is not None:
+        promised = promised.replace("µm", f"± {_size(result, result.rms_expanded_mm)}")
+    lines, done = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."], []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
         moves = [(name, size, CAUSES[id].unit) for name, size in by.items()]
         done.append(says(Reason.of(code, id=id, by=moves)))
-    if done:
-        lines.append(" ".join(done))
+    lines += [" ".join(done)] * bool(done)
     if result.response and result.answer:
         lines.append(_answer(result, result.response, result.answer))
     if result.decision:
@@ -368,12 +368,13 @@ def _verification_notice(result: Verification) -> doc.Notice:
         title = "The machine has moved: nothing was entered, and the touches agree worse"
         lines.append("Look for a part that was hit or came loose; then calibrate and probe again.")
     elif not result.differences:
-        better, came = result.rms_after_mm < result.rms_before_mm, "as predicted"
+        better = result.rms_after_mm < result.rms_before_mm
+        title = "The touches agree as predicted; no improvement beyond noise was predicted"
         if not result.kept:
-            u = plain(1000.0 * (result.rms_expanded_mm or 0.0), 0)
-            came = f"{'but' if better else 'and'} not as predicted"
-            came += f" ({after} instead of {promised.removesuffix(' µm')} ± {u} µm)"
-        title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
+            degree = "better than before, but" if better else "no better than before, and"
+            title = f"The touches agree {degree} not as predicted ({after} instead of {promised})"
+        elif result.improves:
+            title = "The touches agree better than before, as predicted"
     elif not result.kept:
         title = "The correction did not work as predicted"
         if result.answer is Behaviour.AS_MODELLED:
