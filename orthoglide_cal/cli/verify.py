@@ -14,8 +14,11 @@ def verify(
     limit: Number = common.LIMIT,
     machine: File = common.MACHINE,
     data: common.Data = common.DATA,
+    html: File = common.HTML,
+    markdown: File = common.MARKDOWN,
     details: bool = common.DETAILS,
     json: bool = common.JSON,
+    overwrite: bool = common.OVERWRITE,
 ) -> int:
     """Compare the predicted effect of a correction with the real one."""
     from orthoglide_cal.report.documents.reports import verification_document
@@ -26,5 +29,8 @@ def verify(
     with common.working(f"{before}, {after}"):
         right = command("verify", after, before, machine=machine, applied=applied, limit=limit)
         result = verified(*inputs, applied, limit, adjusted_since(inputs[0]), right)
-    common.deliver(verification_document(result), as_json=json, details=details)
+    page = verification_document(result)
+    common.deliver(
+        page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
+    )
     return UnusableResultError.exit_code if result.failed else 0

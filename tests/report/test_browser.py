@@ -25,7 +25,7 @@ WIDTHS = (390, 500, 1280)
 # Content of an A4 page with the margins of the style sheet, at 96 dots per inch.
 A4_CONTENT = round((210 - 30) / 25.4 * 96)
 # Documents that a command writes as a page.
-KINDS = (*cases.CASES, "as_left", "planned", "remembered")
+KINDS = (*cases.CASES, "as_left", "verified", "planned", "remembered")
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_page_is_silent_alone_fits_and_is_printed(
     for faults in ("overflow", "small", *apart):
         assert chromium.evaluate(f"{faults}()") == [], faults
     # Decision, offsets, what to do and the lines to sign on: above the first break.
-    if kind not in ("hostile", "failed", "planned", "remembered"):
+    if kind not in ("hostile", "failed", "verified", "planned", "remembered"):
         ((*_, end),) = chromium.evaluate("boxes('.sign')")
         assert end < (297 - 31) / 25.4 * 96
 
