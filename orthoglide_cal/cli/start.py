@@ -119,12 +119,11 @@ def _next(
     if entry and applied and (applied == last or read_input(last).precedes(entry)):
         again = measure_again(read_input(last))
         return [], [step("Its offsets are entered: measure again", again)]
-    page = Path("report.html")
-    if applied and page.is_file() and page.stat().st_mtime > sessions[-1].stat().st_mtime:
+    if applied and _reported(applied, last):
         return ["Nothing more to do: measured, entered, measured again and reported."], []
     if applied:
         compare = step("Compare with the prediction", command("verify", applied, last))
-        write = command("report", applied, options=f"--html {page}", after=last)
+        write = command("report", applied, options="--html report.html", after=last)
         return [], [compare, step("Write the report", write)]
     case = common.judged(common.read_input(last))
     see = step("See the numbers", case.typed("solve"))
@@ -136,3 +135,14 @@ def _simulated(path: Path) -> bool:
     with suppress(OrthocalError):
         return common.read_input(str(path)).measured.source.simulated
     return False
+
+
+def _reported(*sessions: str) -> bool:
+    """True if a page in this folder is about these sessions: it holds their digests."""
+    from orthoglide_cal.files.text import read_document
+    from orthoglide_cal.report.document import MARK
+
+    # So many characters of a digest are surely printed together.
+    digests = [read_document(path).sha256[:8] for path in sessions]
+    pages = (path.read_text("utf-8", "replace") for path in sorted(Path().glob("*.[hm][td]*")))
+    return any(page.endswith(MARK) and all(digest in page for digest in digests) for page in pages)

@@ -91,9 +91,12 @@ class Command(ReadOnly):
 # What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
 # touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
 # shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and what works out the
-# derivative by q unknowns, shape (..., n, q), from that of the joints, shape (..., n, 3, q), of
-# which the offsets come first; None where it is not known in closed form.
-GaugeResponse = tuple[Numbers, Numbers, Callable[[Floats | None], Floats] | None]
+# derivative by q unknowns, shape (..., n, q), from what gives that of the joints under a command,
+# shape (..., n, 3, q), of which the offsets come first; None where only these move the carriages.
+# It is None itself where it is not known in closed form.
+ByUnknowns = Callable[[Command], Floats]
+Derivative = Callable[[ByUnknowns | None], Floats]
+GaugeResponse = tuple[Numbers, Numbers, Derivative | None]
 
 
 @dataclass(frozen=True, eq=False)

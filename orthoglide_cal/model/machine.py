@@ -22,7 +22,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Va
 
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.losses import NEEDLESS_HOLD
-from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, RealMachine
+from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.readings import AXES, Posture
@@ -521,13 +521,6 @@ class Machine(Schema):
     @abstractmethod
     def home_mm(self) -> float:
         """Joint value from which displacements count [mm]."""
-
-    def command(self, plan: AnyPlan) -> Command:
-        """Where the carriages are sent, of a kind whose `sensed` knows its derivative.
-
-        Raises PostureError for a posture out of reach.
-        """
-        raise NotImplementedError
 
     @abstractmethod
     def sensed(

@@ -17,7 +17,7 @@ its own unknown zero, which the estimation removes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, partial
@@ -28,7 +28,7 @@ from typing import Annotated, NamedTuple, Self
 import numpy as np
 from pydantic import Field, computed_field
 
-from orthoglide_cal.model.kinematics import Command, Geometry, RealMachine
+from orthoglide_cal.model.kinematics import Command, Derivative, Geometry, RealMachine
 from orthoglide_cal.model.machine import Corrections, Instrument, Machine
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, Patterns, Plan, ReadOnly
@@ -533,8 +533,10 @@ def differentiate(
 
     if jacobian is not None:
         moving, at = stepped(steps[1:])
-        joints = moving.real.joints(moving.machine.command(plan), at)
-        return readings, jacobian(np.moveaxis(joints.imag / STEP, 0, -1))
+        real = moving.real
+        return readings, jacobian(
+            lambda sent: np.moveaxis(real.joints(sent, at).imag / STEP, 0, -1)
+        )
     some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
     every = []
     for start in range(0, len(steps), some):
@@ -569,7 +571,7 @@ def differentiate_absent(
 
 def _simulate(
     model: Model, parameters: Numbers, plan: Plan, strict: bool
-) -> tuple[Numbers, Callable[[Floats | None], Floats] | None]:
+) -> tuple[Numbers, Derivative | None]:
     """Readings, and what works out their derivative by the parameters, if it is known."""
     machine = model.machine
     if model.repeats:

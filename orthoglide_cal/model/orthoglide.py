@@ -19,7 +19,14 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UsageError, command
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
-from orthoglide_cal.model.kinematics import Command, GaugeResponse, Geometry, Points, RealMachine
+from orthoglide_cal.model.kinematics import (
+    ByUnknowns,
+    Command,
+    GaugeResponse,
+    Geometry,
+    Points,
+    RealMachine,
+)
 from orthoglide_cal.model.machine import (
     HOMING_MM,
     Influence,
@@ -298,6 +305,7 @@ class Orthoglide(Machine):
         return Suspicion(fault, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
+        """Where the carriages are sent; raises PostureError for a posture out of reach."""
         return _command(self, plan)
 
     def sensed(
@@ -328,7 +336,7 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise PostureError(f"{named}: {error.what}", error.remedy) from error
-        return _touched(points, plan, *moments)
+        return _touched(points, plan, command, *moments)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -384,7 +392,9 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
 
 
-def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> GaugeResponse:
+def _touched(
+    points: Points, plan: GaugePlan, command: Command, moment: Ints, set_up: Ints
+) -> GaugeResponse:
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
     When each reading was taken and when its gauge was set up are moments of the points, (n,); only
@@ -406,7 +416,7 @@ def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> Gau
     if not plan.fixed:
         fraction = np.where(fixed, fraction, contact == Contact.TOOL)
 
-    def derivative(by_joints: Floats | None) -> Floats:
+    def derivative(joints: ByUnknowns | None) -> Floats:
         tool_by_joint, every = points.tool_derivative, np.arange(len(leg))
         along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
         turn = fixed * across / span
@@ -419,10 +429,10 @@ def _touched(points: Points, plan: GaugePlan, moment: Ints, set_up: Ints) -> Gau
         part[...] = tool_by_joint[leg, :, set_up]
         part *= (turn * gauge_at)[:, None]
         part[every, leg] += turn * (1.0 - gauge_at) * along
-        if by_joints is None:
+        if joints is None:
             return Points.batch_first(np.add(jacobian, part, out=part), 2)
         jacobian, part = Points.batch_first(jacobian, 2), Points.batch_first(part, 2)
-        moved = (jacobian[..., None, :] @ by_joints)[..., 0, :]
+        moved = (jacobian[..., None, :] @ joints(command))[..., 0, :]
         moved[..., : part.shape[-1]] += part
         return np.asarray(moved)
 

@@ -413,7 +413,7 @@ def rails_sketch(gaps_mm: Mapping[str, float], moves: Sequence[tuple[str, float,
         parts.append(_rail(rail, start, stop, start))
         taken += [*np.linspace(start, stop, 29)]
         for _, mm, along in (move for move in moves if move[0] == axis):
-            way = _TOWARDS[AXES.index(along[1])] * float(f"{along[0]}1")
+            way = _TOWARDS[AXES.index(along[1])] * (-1.0 if along[0] == "-" else 1.0)
             x, y = start + 46.0 * way
             parts.append(arrow(start + 9.0 * way, start + 34.0 * way))
             parts.append(words(x, y + 4, f"{plain(mm, 2)} mm", "middle", "halo"))

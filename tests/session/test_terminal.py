@@ -193,6 +193,13 @@ def test_a_number_typed_as_a_note_is_asked_about(tmp_path: Path) -> None:
     assert (tmp_path / "s.journal").read_text().count('"noted"') == 1
 
 
+def test_a_line_is_corrected_as_in_any_terminal(tmp_path: Path) -> None:
+    with Terminal(tmp_path, "s.yaml") as terminal:
+        assert terminal.step() == 1
+        terminal.type("9.9\x15-0.65\x7f4")
+        terminal.expect("saved -0.64")
+
+
 def test_return_asks_a_gauge_and_an_error_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
         assert terminal.step() == 1

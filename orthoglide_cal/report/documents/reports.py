@@ -344,7 +344,8 @@ def _verification_notice(result: Verification) -> doc.Notice:
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
     if result.rms_expanded_mm is not None:
-        promised = promised.replace("µm", f"± {_size(result, result.rms_expanded_mm)}")
+        promised = plain(1000.0 * result.rms_promised_mm, 0)
+        promised += f" ± {_size(result, result.rms_expanded_mm)}"
     lines, done = [f"Predicted {promised}, measured {after} (r.m.s.; before {before})."], []
     for id, by in result.corrected.items():
         code = "cause_adjusted" if CAUSES[id].adjustable else "cause_corrected"
