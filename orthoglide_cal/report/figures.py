@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain, groupby, pairwise, zip_longest
+from itertools import chain, groupby, zip_longest
 from typing import Self
 
 import numpy as np
@@ -450,35 +450,37 @@ def differences_figure(
     names, first, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
     sizes = {"found": first, "expected": expected, **({"as left": after} if measured else {})}
-    *_, (head, last) = sizes.items()
+    last = [*sizes.values()][-1]
+    low, high = np.subtract(last, expanded), np.add(last, expanded)
     columns: dict[str, Sequence[str]] = {"": names}
     columns |= {when: [signed(mm, 3) for mm in values] for when, values in sizes.items()}
     columns["± U"] = [plain(mm, 3) for mm in expanded]
     columns |= {"limit": outcomes} if outcomes else {}
-    limits = [] if limit_mm is None else [-limit_mm, limit_mm]
     # Columns of numbers, by their right edges.
     edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
-    left, high = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
-    reach = [*np.subtract(last, expanded), *np.add(last, expanded), *limits, -0.02, 0.02]
-    across = Scale.around([*first, *expected, *reach], left, edges[0] - 46.0)
-    top, bottom = _TOP - 4.0, _TOP + high * len(rows)
+    left, row_px = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
+    top, bottom = _TOP - 4.0, _TOP + row_px * len(rows)
+    least = max(limit_mm or 0.0, 0.02)
+    across = Scale.around([*first, *expected, *low, *high, -least, least], left, edges[0] - 46.0)
+    kind, meaning = comparison_words(single)
+    key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
+    key, parts = f"{key}, with U (95 %). {meaning}", list[Html]()
+    if limit_mm is not None:
+        key += f" Dashed: the limit, ±{limit_mm:g} mm."
+        start, stop = across(-limit_mm), across(limit_mm)
+        parts.append(rectangle(start, top, stop - start, bottom - top, "allowed"))
     places, kinds, texts = zip(*across.ticks(), strict=True)
-    parts = [
-        *(
-            rectangle(across(a), top, across(b) - across(a), bottom - top, "allowed")
-            for a, b in pairwise(limits)
-        ),
-        *(line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True)),
-        *below(places, texts, bottom + 14),
-        words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
-    ]
-    for x, when in zip(edges, sizes, strict=True):
-        parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
+    parts += (line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True))
+    parts += below(places, texts, bottom + 14)
+    parts.append(words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"))
+    *titles, title = sizes
+    for x, when in zip(edges, (*titles, f"{title} ± U"), strict=True):
+        parts.append(words(x, 12, when, "end", "muted"))
     listed = []
     for k, (name, *cells) in enumerate(zip(*columns.values(), strict=True)):
-        y = _TOP + high * (k + 0.5)
+        y = _TOP + row_px * (k + 0.5)
         start, stop, *marks = (across(values[k]) for values in sizes.values())
-        ends = across(last[k] - expanded[k]), across(last[k] + expanded[k])
+        ends = across(low[k]), across(high[k])
         numbers, (u, *outcome) = cells[: len(sizes)], cells[len(sizes) :]
         numbers[-1] += f" ± {u}"
         listed.append(f"{name} {', '.join([*numbers, *outcome])}")
@@ -499,11 +501,6 @@ def differences_figure(
         ]
     seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
     picture = svg(_WIDE, bottom + 30.0, "Differences, before and after", seen, parts)
-    kind, meaning = comparison_words(single)
-    key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
-    key += f", with U (95 %). {meaning}"
-    if limit_mm is not None:
-        key += f" Dashed: the limit, ±{limit_mm:g} mm."
     rms = " → ".join(plain(size, 3) for size in rms_mm)
     whole = f"Differences, {kind}: {rms} mm r.m.s."
     return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
@@ -604,7 +601,7 @@ def reading_panels(
             ticks = [(across(n), "", name) for n, name in enumerate(names)]
         parts = [rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")]
         parts = [*parts * bool(band), *upright(up, width, "µm", gauge)]
-        parts.append(words(width - 6.0, height - 4.0, axis, "end", "muted"))
+        parts += [words(width - 6.0, height - 4.0, axis, "end", "muted")] * bool(axis)
         columns, _, texts = zip(*ticks, strict=True)
         # The words of a posture stand one below the other.
         for n, row_words in enumerate(zip_longest(*map(str.split, texts), fillvalue="")):
@@ -645,20 +642,15 @@ def _gauge(row: Residual) -> str:
 def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
     """The effect of the pattern with this number, over what it depends on."""
     rows = case.answer.residuals
-    effect, reach = (
-        _column(rows, name)[:, number] for name in ("pattern_mm", "pattern_expanded_mm")
-    )
+    names = "pattern_mm", "pattern_expanded_mm"
+    effect, reach = (_column(rows, name)[:, number] for name in names)
     wrong = [k for k, row in enumerate(rows) if row.wrong]
     key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without"
     key += " all other effects." + " Ringed: wrong, left out." * bool(wrong)
-    panels = reading_panels(
-        rows,
-        {pattern_words(case.machine, pattern): [*_left(case).values()][-1] + effect},
-        over=_DEPENDS.get(pattern.how if rows[0].leg else "", "minutes"),
-        effect_mm=(effect, reach),
-        shown=np.flatnonzero(reach).tolist(),
-        ringed=wrong,
-    )
+    left = {pattern_words(case.machine, pattern): [*_left(case).values()][-1] + effect}
+    over = _DEPENDS.get(pattern.how if rows[0].leg else "", "minutes")
+    drawn, shown = (effect, reach), np.flatnonzero(reach).tolist()
+    panels = reading_panels(rows, left, over=over, effect_mm=drawn, shown=shown, ringed=wrong)
     return doc.Figure(panels, 3 if rows[0].leg else 2, key=key)  # as wide as they are
 
 
@@ -736,21 +728,19 @@ def _by_leg(case: Case) -> tuple[str, doc.Grid]:
 
 def _surfaces(case: Case) -> Iterator[tuple[str, list[int], Floats]]:
     """Each touched height of a bed, in words where there are several: its touches, (n, 2) [mm]."""
-    rows = [(k, row) for k, row in enumerate(case.answer.residuals) if not row.distance]
-    heights = sorted({row.surface_mm or 0.0 for _, row in rows})
-    for height in heights:
-        touches = [(k, row) for k, row in rows if (row.surface_mm or 0.0) == height]
-        places = np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for _, row in touches])
-        yield f", at {height:g} mm" if len(heights) > 1 else "", [k for k, _ in touches], places
+    rows = case.answer.residuals
+    heights = {k: row.surface_mm or 0.0 for k, row in enumerate(rows) if not row.distance}
+    levels = sorted({*heights.values()})
+    for level in levels:
+        touches = [k for k, height in heights.items() if height == level]
+        places = np.array([(rows[k].x_mm or 0.0, rows[k].y_mm or 0.0) for k in touches])
+        yield f", at {level:g} mm" * (len(levels) > 1), touches, places
 
 
 def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
-    """Rows of signs, y upwards, of touches (n, 2); blank where nothing was touched.
-
-    What is left of the touches of one cell, (n,), is averaged.
-    """
+    """Rows of signs, y upwards, of the means of what is left, (n,), of the touches, (n, 2)."""
     reach = np.abs(place_mm).max(initial=1.0)
-    y_mm, x_mm = place_mm[:, 1], place_mm[:, 0]
+    x_mm, y_mm = place_mm.T
     cells = partial(np.histogram2d, y_mm, x_mm, _CELLS, [(-reach, reach)] * 2)
     (count, *_), (total, *_) = cells(), cells(weights=left_mm)
     limits = sigma_mm * np.array([-4.0, -2.0, 2.0, 4.0])
@@ -793,20 +783,13 @@ def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
         sure = one and any(CAUSES[other.id].hides_reading for other in case.answer.causes)
         maps = []
         for title, at, places in _surfaces(case):
-            ringed = np.isin(at, one) if sure else None
-            name, bed = f"Residuals, {alone}{title}", case.machine.bed
-            maps.append(bed_map(name, places, before[at], bed, ringed=ringed))
+            ringed, title = np.isin(at, one) if sure else None, f"Residuals, {alone}{title}"
+            maps.append(bed_map(title, places, before[at], case.machine.bed, ringed=ringed))
         return doc.Figure(maps, 0, "Ringed: wrong." if sure else _RINGED)
     if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
         return sketch
     timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
-    panels = reading_panels(
-        rows,
-        left,
-        noise_mm=case.machine.instrument.noise_mm,
-        over="minutes" if timed else "",
-        shown=wrong,
-        ringed=one,
-    )
+    over, noise_mm = "minutes" * bool(timed), case.machine.instrument.noise_mm
+    panels = reading_panels(rows, left, noise_mm=noise_mm, over=over, shown=wrong, ringed=one)
     key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
     return doc.Figure(panels[:_MOST_GAUGES], 0, key)
