@@ -196,7 +196,7 @@ def chance_of_less_scatter(squares: float, size: Ints, gauge: Instrument) -> flo
     ratio = min((most / noise) ** 2 / dof, 1.0)
     log = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
     if squares < 0.5 * step**2:
-        # Rounding much finer than the noise counts as a quarter of it: repeats are equal more often.
+        # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
         narrow = math.log(max(step / noise, 0.25) / math.sqrt(2.0 * math.pi))
         equal = (size - 1) * narrow - 0.5 * np.log(size)
         log = min(log, np.minimum(equal, 0.0).sum())
