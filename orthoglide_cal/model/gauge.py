@@ -163,9 +163,9 @@ def too_steady(
     setups = np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        size, squares = np.bincount(repeat[mine]), float((left[mine] ** 2).sum())
+        size, squares = (np.bincount(repeat[mine], by) for by in (None, left[mine] ** 2))
         if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
-            scatter = math.sqrt(squares / np.maximum(size - 1, 0).sum())
+            scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
     return None
 
@@ -177,30 +177,30 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
     return value - (np.bincount(repeat, weights=value) / count)[repeat], repeat
 
 
-def chance_of_less_scatter(squares: float, size: Ints, gauge: Instrument) -> float:
-    """Upper bound of the chance that repeats of this gauge scatter no more than these.
+def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> float:
+    """Smaller of two upper bounds of the chance that repeats of this gauge differ no more.
 
     n readings of noise σ, rounded to q, are all equal with p ≤ (q/(σ√2π))ⁿ⁻¹/√n (Hölder), and only
     then is S < q²/2, the sum of squares about their mean. Rounding changes √S by at most √n·q/2,
     and S/σ² before it is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2).
 
     Args:
-        squares: S of all cells together [mm²].
-        size: number of readings in each cell, (c,).
+        squares: S of each cell, shape (c,) [mm²].
+        size: number of readings in each, (c,).
     """
-    size = size[size > 1]
+    squares, size = squares[size > 1], size[size > 1]
     if not size.size:
         return 1.0
     noise, step, dof = gauge.repeatability_mm, gauge.resolution_mm, (size - 1).sum()
-    most = math.sqrt(squares) + 0.5 * step * math.sqrt(size.sum())
+    most = math.sqrt(squares.sum()) + 0.5 * step * math.sqrt(size.sum())
     ratio = min((most / noise) ** 2 / dof, 1.0)
-    log = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
-    if squares < 0.5 * step**2:
-        # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
-        narrow = math.log(max(step / noise, 0.25) / math.sqrt(2.0 * math.pi))
-        equal = (size - 1) * narrow - 0.5 * np.log(size)
-        log = min(log, np.minimum(equal, 0.0).sum())
-    return math.exp(log)
+    less = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
+    # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
+    narrow = math.log(max(step / noise, 0.25) / math.sqrt(2.0 * math.pi))
+    costs = np.sort(np.maximum(0.5 * np.log(size) - (size - 1) * narrow, 0.0))
+    equal = np.count_nonzero(squares < 0.5 * step**2)
+    some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
+    return math.exp(min(less, some, 0.0))
 
 
 # --- digits and travel ------------------------------------------------------------------------
