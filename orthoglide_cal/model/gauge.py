@@ -163,7 +163,7 @@ def too_steady(
     setups = np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        size, squares = (np.bincount(repeat[mine], by) for by in (None, left[mine] ** 2))
+        size, squares = np.bincount(repeat[mine]), np.bincount(repeat[mine], left[mine] ** 2)
         if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
             scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
