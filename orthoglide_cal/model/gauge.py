@@ -159,11 +159,11 @@ def too_steady(
     and all together: found are the set-up, None for all, and the standard deviation of the repeats
     [mm], exactly 0 if they never differ.
     """
-    left, repeat = _about_means(value, setup, cell)
-    setups = np.unique(setup)
+    (left, repeat), setups = _about_means(value, setup, cell), np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        size, squares = np.bincount(repeat[mine]), np.bincount(repeat[mine], left[mine] ** 2)
+        size = np.bincount(repeat[mine])
+        squares: Floats = np.bincount(repeat[mine], weights=left[mine] ** 2)
         if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
             scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
