@@ -163,7 +163,7 @@ def too_steady(
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
         size = np.bincount(repeat[mine])
-        squares: Floats = np.bincount(repeat[mine], weights=left[mine] ** 2)
+        squares = np.asarray(np.bincount(repeat[mine], left[mine] ** 2), np.float64)
         if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
             scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
