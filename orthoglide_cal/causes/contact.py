@@ -182,8 +182,8 @@ class _Surface(Cause):
 class BedShape(_Surface):
     """A smooth shape that rises and falls over the bed; tilt and height are the endstops'.
 
-    A Gaussian process of fixed rank: independent terms that are the smaller the finer they are. The
-    data choose by how much, which is its length scale.
+    A Gaussian process of fixed rank: independent terms, the smaller the finer they are. The data
+    choose by how much.
     """
 
     id = "bed_shape"

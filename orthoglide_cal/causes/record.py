@@ -58,10 +58,7 @@ class Misread(PatternCause):
 
 
 class GaugeSlip(PatternCause):
-    """Turns added to one reading, or to all readings of a set-up from one on.
-
-    The parameter is a whole number, nearly always one, so it is not estimated but tried.
-    """
+    """Turns, a whole number, added to one reading, or to all readings of a set-up from one on."""
 
     id = "gauge_slip"
     unit = "turns"
@@ -108,8 +105,8 @@ class RelabelCause(Cause):
 class ExchangeCause(RelabelCause, ABC):
     """Readings of one leg and direction were written under another, and the other way round.
 
-    Each reading is exchanged with the one of the same step of the other leg and direction, in the
-    same part. Where these do not pair up, the readings are looked at under another plan.
+    Each is exchanged with that of the same step in the same part. Where these do not pair up, the
+    readings are looked at under another plan.
     """
 
     @abstractmethod

@@ -6,9 +6,8 @@ once in a million sessions: every chance here is an upper bound, for a gauge as 
 """
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Annotated
 
@@ -18,7 +17,7 @@ from pydantic import Field
 from orthoglide_cal.losses import TOO_STEADY
 from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import Floats, Ints, read_only
+from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
@@ -160,15 +159,13 @@ def too_steady(
     and all together: found are the set-up, None for all, and the standard deviation of the repeats
     [mm], exactly 0 if they never differ.
     """
-    left, repeat = _about_means(value, setup, cell)
-    setups = np.unique(setup)
+    (left, repeat), setups = _about_means(value, setup, cell), np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        sizes = Counter(filter(None, np.bincount(repeat[mine]).tolist()))
-        squares = float((left[mine] ** 2).sum())
-        if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < TOO_STEADY:
-            dof = sum((size - 1) * number for size, number in sizes.items())
-            scatter = math.sqrt(squares / dof)
+        size = np.bincount(repeat[mine])
+        squares = np.asarray(np.bincount(repeat[mine], left[mine] ** 2), np.float64)
+        if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
+            scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
     return None
 
@@ -180,61 +177,30 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
     return value - (np.bincount(repeat, weights=value) / count)[repeat], repeat
 
 
-def chance_of_less_scatter(squares: float, sizes: Counter[int], gauge: Instrument) -> float:
-    """Upper bound of the chance that repeats of this gauge scatter no more than these.
+def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> float:
+    """Smaller of two upper bounds of the chance that repeats of this gauge differ no more.
 
-    P(S ≤ s) ≤ exp(t s) E exp(−t S) for every t > 0 (Chernoff), S the sum of squares about the
-    means of the cells. A reading is x + noise, rounded to the resolution; x may lie anywhere
-    between two divisions, and the worst place counts: behind a coarse dial readings may well be
-    equal. Whatever moves the gauge between repeats makes S larger.
+    n readings of noise σ, rounded to q, are all equal with p ≤ (q/(σ√2π))ⁿ⁻¹/√n (Hölder), and only
+    then is S < q²/2, the sum of squares about their mean. Rounding changes √S by at most √n·q/2,
+    and S/σ² before it is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2).
 
     Args:
-        squares: s [mm²].
-        sizes: number of readings in a cell → number of such cells.
+        squares: S of each cell, shape (c,) [mm²].
+        size: number of readings in each, (c,).
     """
-    noise, step = gauge.repeatability_mm, gauge.resolution_mm
-    if noise <= 0.0:
+    squares, size = squares[size > 1], size[size > 1]
+    if not size.size:
         return 1.0
-    # Rounding much finer than the noise counts as a quarter of it: repeats are equal more often.
-    step = max(step, noise / 4.0)
-    logs = np.zeros(_RATES.size)
-    for size, number in sizes.items():
-        # About the means of its parts a large cell scatters less than about its own.
-        whole, rest = divmod(size, _PART)
-        for part, parts in ((_PART, whole), (rest, 1)):
-            if part > 1 and parts:
-                logs += number * parts * _log_moments(part, noise / step)
-    return math.exp(min(float(np.min(logs + _RATES * (squares / step / step))), 0.0))
-
-
-_PART = 10
-# t in units of 1/(resolution)²; beyond the last one every difference counts as infinite.
-_RATES = np.geomspace(5e-3, 40.0, 24)
-_PHASES = np.linspace(0.0, 0.5, 5)
-
-
-@cache
-def _log_moments(size: int, noise: float) -> Floats:
-    """ln E exp(−t S) of a cell of `size` readings for each t, lengths in divisions, shape (t,).
-
-    With exp(−t Σ(y − ȳ)²) = √(n t/π) ∫ dm Π exp(−t (y − m)²), the readings are independent.
-    """
-    reach = math.ceil(6.0 * noise) + 1
-    shown = np.arange(-reach, reach + 1)
-    edges = np.arange(-reach, reach + 2) - 0.5
-    below = np.array(
-        [[0.5 * math.erfc(-(e - p) / noise / math.sqrt(2.0)) for e in edges] for p in _PHASES]
-    )
-    chance = np.diff(below, axis=1)
-    logs = []
-    for rate in _RATES.tolist():
-        width = math.sqrt(0.5 / (rate * size))
-        ends = reach + 6.0 * width
-        means = np.linspace(-ends, ends, 2 * math.ceil(2.0 * ends / width) + 1)
-        weighted = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
-        integral = (weighted**size).sum(axis=1) * (means[1] - means[0])
-        logs.append(math.log(float(integral.max()) * math.sqrt(size * rate / math.pi)))
-    return read_only(np.minimum(logs, 0.0))
+    noise, step, dof = gauge.repeatability_mm, gauge.resolution_mm, (size - 1).sum()
+    most = math.sqrt(squares.sum()) + 0.5 * step * math.sqrt(size.sum())
+    ratio = min((most / noise) ** 2 / dof, 1.0)
+    less = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
+    # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
+    narrow = math.log(max(step / noise, 0.25) / math.sqrt(2.0 * math.pi))
+    costs = np.sort(np.maximum(0.5 * np.log(size) - (size - 1) * narrow, 0.0))
+    equal = np.count_nonzero(squares < 0.5 * step**2)
+    some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
+    return math.exp(min(less, some, 0.0))
 
 
 # --- digits and travel ------------------------------------------------------------------------

@@ -20,7 +20,6 @@ from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind
-from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import INVALIDATING, Case, input_words, position_words, sizes_words
@@ -43,6 +42,7 @@ from orthoglide_cal.words import (
     capitalized,
     difference_decimals,
     entered_decimals,
+    listed,
     moment_words,
     plain,
     short,
@@ -115,7 +115,7 @@ def calibration_document(
         for one, when in both:
             sections = *evidence(one), _conditions(one)
             pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
-        pages += [*_workspace(case, after, limit_mm), _origin(case, left)]
+        pages += [*_workspace(case, after), _origin(case, left)]
         for one, when in both:
             if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
                 pages.append(doc.Section(f"Appendix: readings{when}", figures.readings_table(one)))
@@ -207,7 +207,7 @@ def _other(case: Case) -> doc.Section:
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterator[doc.Section]:
+def _workspace(case: Case, later: Case | None) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
     before, after = case.answer.workspace, later.answer.workspace if later else None
     if before is None or before.maps is None:
@@ -234,8 +234,7 @@ def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterat
             lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
     low, high = (plain(edge, 0) for edge in before.cube_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
-    key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
-    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm, limit_mm)], key=key)
+    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm)], key=key)
     yield doc.Section("Tool-position error over the workspace", " ".join(lead), maps)
 
 
@@ -261,19 +260,14 @@ def _conditions(case: Case) -> doc.Section:
     sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
     sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
     rows.append((noise.capitalize(), sizes))
-    places = {
-        (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
-        for row in answer.residuals
-        if row.leg and row.direction and row.gauge_at is not None
-    }
-    drawn, notes = None, given.notes[:_MOST_NOTES] if answer.parameters else ()
+    places = [f"{e.gauge_at:.3g}" for e in answer.residuals if e.gauge_at is not None]
     if places:
-        sketch = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
-        key = "○ dial: its reading grows when the leg moves towards it."
-        drawn = doc.Figure([sketch], 0, key, "Where the gauges stood")
+        stood = f"at {listed([*dict.fromkeys(places)])} of the leg (carriage joint 0, tool 1)"
+        rows.append(("Gauges stood", stood))
+    notes = given.notes[:_MOST_NOTES] if answer.parameters else ()
     rows_of_notes = [(str(line), doc.given(note)) for line, note in notes]
     grid = doc.Grid(("line", "note"), rows_of_notes, (0, 1), "Notes at readings.")
-    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), drawn, grid)
+    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), grid)
 
 
 def _origin(case: Case, left: Verification | None) -> doc.Section:
