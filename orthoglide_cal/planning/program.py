@@ -251,9 +251,8 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
     """The template in a file with the blocks in the place of its marker.
 
     A block drives to the approach point along the axis of its leg, then slowly to the posture, and
-    waits. Coordinates are absolute, in mm. Raises InputError: no marker or two, a setting that
-    cannot be used, the number of one of the blocks, or a mode (inches, relative) in which they
-    would drive elsewhere.
+    waits. Coordinates are absolute, in mm. Raises InputError: a fault of the template, such as a
+    mode (inches, relative) in which the blocks would drive elsewhere.
     """
     template = _template(document, program)
     machine, lines = program.machine, [*template.before]

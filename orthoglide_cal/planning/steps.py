@@ -1,8 +1,4 @@
-"""The steps of a session: which reading comes when, and what has to be moved for it.
-
-The postures of the session are the paper's, or those of the best design: the fewest readings for an
-accuracy.
-"""
+"""The steps of a session: which reading comes when, and what has to be moved for it."""
 
 import functools
 from collections import Counter
@@ -192,10 +188,7 @@ def gauge_moves(steps: Sequence[SessionStep]) -> int:
 
 
 def clock(steps: Sequence[SessionStep]) -> list[float]:
-    """When each of n steps is read, and when all are, shape (n + 1,) [min].
-
-    It begins when the stands of the first are set up, and a bar for it is still to be turned.
-    """
+    """When each of n steps is read, the first one set up, and when all are, (n + 1,) [min]."""
     turned: set[tuple[int, int]] = set()
     times, now = [], 0.0
     for before, step in zip((None, *steps), steps, strict=False):
@@ -228,16 +221,12 @@ def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 
     The offsets show in differences of readings that share a gauge zero. These are largest between
-    the ends of the travel, with the gauge as far along the leg as its plunger stays on the bar:
-    no other postures along the legs do better. Of the places nearest to the joint and to the tool
-    that is taken where the largest variance of an offset is smaller, diag (Σ D Dᵀ)⁻¹ with
-    D = J_high − J_low of each gauge. Postures that displace other carriages, too, as far as the
-    plunger follows (5 mm), would save 3 to 5 % more: not worth a stand that has to be watched.
+    the ends of the travel, with the gauge as far along the leg as its plunger stays on the bar. Of
+    the places nearest to the joint and to the tool that is taken where the largest variance of an
+    offset is smaller, diag (Σ D Dᵀ)⁻¹ with D = J_high − J_low of each gauge.
 
-    Displacements [mm], the higher one first, and a place along the leg, as of `visiting`; each
-    plunger stays `MARGIN` from both joints.
-
-    Raises UnusableResultError: no such postures determine the offsets.
+    Displacements [mm], the higher one first, and a place along the leg, as of `visiting`. Raises
+    UnusableResultError: no such postures determine the offsets.
     """
     least, best = NOTHING**-0.5, None
     for place in sorted((0.5, *machine.gauge_places), key=lambda at: abs(at - 0.5)):

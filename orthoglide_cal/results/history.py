@@ -126,9 +126,8 @@ class History(Schema):
 class _Session:
     """One session, diagnosed with the machine of the last one; a printer with what it has in each.
 
-    Once settled it has parameters and causes of any date as it finds them: `values` (p,) in their
-    units, `covariance` (p, p) of what is its own, and in `common` what one standard deviation of
-    each other source adds, (p, q), by the source and by what makes it the same in other sessions.
+    Settled: `values` (p,) of parameters and of causes of any date, `covariance` (p, p) of what is
+    its own, and in `common` what one standard deviation of each other source adds, (p, q).
     """
 
     def __init__(self, given: Input, last: Model) -> None:
@@ -288,14 +287,6 @@ def _reached(
     return reached.changed(parameter=first, days=days[first], date=date)
 
 
-def _of_date(given: Input, date: str) -> Input:
-    """An input measured on a stated date. Raises UsageError: it is none."""
-    stated = replace(given, conditions=given.conditions.changed(started=date))
-    if stated.moment is None:
-        raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
-    return stated
-
-
 def compare(
     inputs: Sequence[Input],
     dates: Sequence[str] = (),
@@ -318,9 +309,11 @@ def compare(
             f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
-    if dates:
-        inputs = [*map(_of_date, inputs, dates)]
-    notes = list[Reason]()
+    inputs, notes = [*inputs], list[Reason]()
+    for k, date in enumerate(dates):
+        inputs[k] = replace(inputs[k], conditions=inputs[k].conditions.changed(started=date))
+        if inputs[k].moment is None:
+            raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
     measured = [one for one in inputs if not one.measured.source.simulated]
     simulated = not measured
     if measured and len(measured) < len(inputs):
@@ -403,8 +396,7 @@ def compare(
         rows.append(row)
     drifts = (sized(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING))
     drift = tuple(chain(*drifts))
-    every = sized(0.0 * fit.homing, np.diag(fit.homing**2))
-    scatter = tuple(compress(every, fit.scatter))
+    scatter = tuple(compress(sized(0.0 * fit.homing, np.diag(fit.homing**2)), fit.scatter))
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     advice: str = verdict
     if rivals:

@@ -259,7 +259,7 @@ def verify(
         rms_promised_mm=rms(will_be),
         rms_after_mm=rms(now),
         remains=None if adjusted else remainder(rows, model),
-        applied_mm=_by_axis(applied),
+        applied_mm=dict(zip(AXES, applied.tolist(), strict=True)),
         corrected=corrected,
         differences=tuple(rows),
         **response,
@@ -346,14 +346,13 @@ def _common(
         ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
         for given, solution in zip(inputs, solutions, strict=True)
     )
-    reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
         "simulated": any(given.measured.source.simulated for given in inputs),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
-        "reservations": tuple(reservations),
+        "reservations": tuple(compare_reservations(before.validity, after.validity)),
         "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
     }
 
@@ -376,10 +375,6 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
         first, second = (sum(pair) / len(pair) for pair in known)
         if abs(second - first) > STEP_K:
             yield Reason.of("temperatures_differ", before_c=first, after_c=second)
-
-
-def _by_axis(values: Floats) -> dict[str, float]:
-    return dict(zip(AXES, values.tolist(), strict=True))
 
 
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
@@ -482,7 +477,7 @@ def _respond(
         "response_dof": len(change) - 1,
         "axes": axes,
         "answer": answer,
-        "acted_as_mm": _by_axis(likeliest.moved) if another else None,
+        "acted_as_mm": dict(zip(AXES, likeliest.moved.tolist(), strict=True)) if another else None,
         "other_change": OtherChange(
             rms_mm=typical * math.sqrt(left / spare),
             noise_mm=typical * gauge.noise_mm,
@@ -503,10 +498,8 @@ def shared_differences(
     every = []
     for kind in (kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds):
         (first, was), (second, now) = (pose(data, model, kind) for data in (before, after))
-        one, other = (
-            np.array([difference in which for difference in problem.which], dtype=bool)
-            for problem, which in ((first, second.which), (second, first.which))
-        )
+        one = np.array([difference in second.which for difference in first.which], dtype=bool)
+        other = np.array([difference in first.which for difference in second.which], dtype=bool)
         every.append((kind, first.only(one), second.only(other), now[other] - was[one]))
     shared = max(every, key=lambda row: len(row[-1]), default=None)
     if shared is None or len(shared[-1]) < 4:
