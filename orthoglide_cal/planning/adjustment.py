@@ -73,7 +73,6 @@ class MovedAlone(Cause):
         self._sharing = max(int(shifted.any(axis=1).sum()), 1)
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
-        """Move one rail by what all that share the change would; theta (..., p)."""
         moved = self._cause.geometry(geometry, self._sharing * theta)
         points = np.where(self._shifts, moved.points, geometry.points)
         directions = np.where(self._mine, moved.directions, geometry.directions)

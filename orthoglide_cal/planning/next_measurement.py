@@ -315,10 +315,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
 
 
 def best_next(diagnosis: Diagnosis) -> NextMeasurement | None:
-    """The measurement that best distinguishes what is left open, or would not show but matters.
-
-    None if none does.
-    """
+    """The measurement, if any, that best distinguishes what is left open, or hidden but matters."""
     best = next(iter(rank_measurements(diagnosis)), None) if diagnosis.undecided else None
     return best if best is not None and best.separates else None
 
@@ -368,10 +365,7 @@ def predictions(
     choice: Sequence[NextMeasurement],
     weighted: Sequence[tuple[float, Fit]],
 ) -> list[Mixture]:
-    """Predictions of each option by explanations with their probabilities.
-
-    `first` are the readings that they were fitted to; None if they are not known.
-    """
+    """Predictions of each option by explanations fitted to `first`, with their probabilities."""
     predicted: dict[int, Mixture] = {}
     for continues in {option.continues for option in choice}:
         plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}

@@ -105,10 +105,7 @@ class SessionForecast(Schema):
 
     @cached_property
     def budget(self) -> Budget:
-        """Uncertainty of the parameters, at the degrees of freedom that the readings will have.
-
-        Raises UnusableResultError: they will not determine the parameters; says what to add.
-        """
+        """Uncertainty of the parameters; raises UnusableResultError where they are undetermined."""
         model, plan, gauge = self.model, self.plan, self.model.machine.instrument
         uncertain = _plausible_influences(model, plan)
         estimator = estimator_for(model, plan, uncertain, self.method)
@@ -171,7 +168,6 @@ class SessionForecast(Schema):
 
     @property
     def worst_mm(self) -> float:
-        """The largest U of a length."""
         return max(self.expanded_mm.values())
 
     @cached_property
@@ -243,10 +239,7 @@ def forecast(
 def fewest_cycles(
     model: Model, session: GuidedSession, wanted_mm: float, method: Method = Method.READINGS
 ) -> SessionForecast | None:
-    """The shortest session of this kind that leaves no U larger than wanted.
-
-    None if `MOST_CYCLES` do not.
-    """
+    """The shortest session of this kind that leaves no U larger than wanted, if there is one."""
 
     def at(cycles: int) -> SessionForecast:
         return forecast(model, session.changed(cycles=cycles), method)
@@ -477,10 +470,8 @@ def measurement_plan(
 ) -> MeasurementPlan:
     """The plan of the session that was chosen, perhaps for a U to reach, and other ways to measure.
 
-    `following` is what to measure in addition to existing data, best first. Without `details` only
-    the best design is compared with the session.
-
-    Raises UnusableResultError: such readings will not determine the parameters.
+    `following` is what to measure in addition to existing data, best first; without `details` only
+    the best design is compared. Raises UnusableResultError: nothing determines the parameters.
     """
     model, session, floor, plan = chosen.model, chosen.session, chosen.floor, chosen.plan
     machine, compare, (shown, design) = model.machine, list[SessionForecast](), _offered(model)
@@ -562,10 +553,9 @@ def chosen_session(
 
 @lru_cache(maxsize=8)
 def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], SessionForecast | None]:
-    """All layouts that there are, and the best; none of a machine that follows protocols.
+    """All layouts, and that of least expected loss; none of a machine that follows protocols.
 
-    The best is that of least expected loss: where it does not distinguish the rivals, somebody
-    comes back for it.
+    Where it does not distinguish the rivals, somebody comes back for it.
     """
     machine, best, least = model.machine, None, math.inf
     for layout in machine.distinguishing_layouts():

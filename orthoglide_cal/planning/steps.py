@@ -76,17 +76,14 @@ class SessionStep:
 
     @property
     def leg(self) -> int:
-        """The leg that is touched, and whose carriage is displaced."""
         return self.cell.leg
 
     @property
     def direction(self) -> int:
-        """The axis along which the gauge measures."""
         return self.cell.direction
 
     @property
     def series(self) -> Series:
-        """Leg and direction."""
         return self.cell.series
 
     @property
@@ -150,14 +147,10 @@ class GuidedSession(Schema):
 
 
 def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[SessionStep, ...]:
-    """The steps of any plan.
+    """The steps of any plan; its readings of one set-up share a zero.
 
-    Args:
-        plan: the readings, in time order; readings of one set-up of it share a zero.
-        machine: for the names of the postures.
-        order: may bring readings at one end of a leg together.
-        stands: gauges that are read side by side. One gauge takes one direction of a leg after
-            the other, and slides alone between the ends of a leg.
+    The order may bring readings at one end of a leg together. Of `stands` gauges read side by side
+    a single one takes one direction after the other, and slides alone between the ends of a leg.
     """
     rows, readings, zero_of = plan.in_time.tolist(), planned_readings(plan), plan.shared.tolist()
     alone = stands == 1 or not plan.fixed

@@ -285,7 +285,6 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
 
 
 def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
-    """The corrections in force with some more."""
     sums = {id: dict(values) for id, values in active.items()}
     for one in made:
         values = sums.setdefault(one.id, {})
@@ -294,10 +293,7 @@ def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
 
 
 def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
-    """Return whether a machine file keeps what is entered after this measurement.
-
-    Elsewhere: the controller itself does.
-    """
+    """Return whether a machine file keeps what is entered; elsewhere: the controller does."""
     file = given.keeper
     if not given.model.machine.keeps_entered:
         return "elsewhere"
@@ -321,13 +317,11 @@ def unwritten(file: StoredMachine) -> str | None:
 
 
 def _last_written(file: StoredMachine) -> Written | None:
-    """Lines that the last entry wrote to a controller's file; None for none."""
     history = file.model.machine.history
     return history[-1].written if history else None
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:
-    """Raises UsageError for the file of another machine than what was measured."""
     machine, measured = file.model.machine, measured_on.machine
     others = ["name"] if measured.name != machine.name else []
     others += [key for key in differing(measured_on, file.model) if key not in but]
@@ -340,7 +334,6 @@ def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[s
 
 
 def _check_recordable(given: Input, file: StoredMachine) -> None:
-    """Raises UsageError if what was entered from this measurement cannot be recorded there."""
     machine, path = file.model.machine, file.document.path
     source, before = given.measured.source, given.model.machine.active
     _check_same_machine(given.model, file)

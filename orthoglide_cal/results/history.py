@@ -114,7 +114,6 @@ class History(Schema):
 
     @field_serializer("drift")
     def _rates(self, drift: Sizes) -> list[dict[str, str | float | None]]:
-        """Rates; null where no dates are known."""
         known = [(r.value, r.std) if self.dated else (None, None) for r in drift]
         rows = zip(drift, known, strict=True)
         return [{"name": r.name, "unit": r.unit, "per_day": v, "std": u} for r, (v, u) in rows]
@@ -149,10 +148,7 @@ class _Session:
             self.decision = decided(given.measured, model)
 
     def conclude(self, later: "_Session | None") -> None:
-        """Take over what was decided; a name only if a later session does not refute it.
-
-        Other faults of the later one are no evidence against a name.
-        """
+        """Take over what was decided; a name only if a later session without others agrees."""
         decision = self.decision
         if later and decision.verdict is Verdict.NAMED:
             other = later.decision
@@ -254,7 +250,6 @@ def _fit_with(causes: tuple[Cause, ...], hypothesis: Hypothesis, scale: float) -
     """The fit of a hypothesis with these lasting causes in place of its own, of sizes so scaled."""
 
     def listing(at: Linearised) -> Linearised:
-        """The linear model with those of which its readings alone say nothing."""
         lacking = tuple(cause for cause in causes if cause.id not in at.jacobians)
         broad = (*at.candidates.broad, *lacking)
         return Linearised.of(at.white, replace(at.candidates, broad=broad)) if lacking else at
@@ -315,9 +310,8 @@ def compare(
         limit_mm: largest change that is allowed of a length; None for no limit.
         adjusted: digest of a session → what was adjusted after it.
 
-    Raises:
-        UsageError: not one machine, or dates that do not fit.
-        UnusableResultError: a session does not determine the parameters.
+    Raises UsageError: not one machine, or dates that do not fit; UnusableResultError: a session
+    does not determine the parameters.
     """
     if len(dates) not in (0, len(inputs)):
         raise UsageError(
