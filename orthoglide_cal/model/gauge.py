@@ -1,8 +1,7 @@
 """The dial indicator, and what it can hardly have shown, before any model is asked.
 
-A gauge that is held shows the same number for ever; inches written as millimetres scatter 25
-times less than a gauge can. Both look like excellent data to a fit. Healthy readings are doubted
-once in a million sessions: every chance here is an upper bound, for a gauge as good as stated.
+A gauge that is held, and inches written as millimetres, look like excellent data to a fit. Healthy
+readings are doubted once in a million sessions, of a gauge as good as stated.
 """
 
 import math
@@ -21,15 +20,13 @@ from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
-# A value may miss the gauge's divisions by this fraction of one through rounding alone.
-OFF_SCALE = 0.02
+OFF_SCALE = 0.02  # of a division, by which a value may miss it through rounding alone
 # Readings in mm that were converted from inches are whole multiples of this step, exactly so if
 # they are written to six decimals. Others come within this fraction of a step 1 time in 50.
 _INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 # A printed difference may be one of means; readings that each of them can have.
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
-# A unit explains readings if with it they scatter at most this many times more than stated.
-_TOO_MUCH = 2.0
+_TOO_MUCH = 2.0  # times the stated noise: readings that scatter more are in no such unit
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
@@ -47,11 +44,9 @@ UNITS: Mapping[float, tuple[str, str]] = MappingProxyType(
     }
 )
 
-# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
-# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
-# reads 0.06 % short.
-PLACEMENT_MM = 1.0
-SCALE_U = 0.001
+# Where the machine file says nothing: a stand put by eye or with a rule; dial indicators are off by
+# up to 15 µm in 10 mm, and a plunger that leans by 2° reads 0.06 % short.
+PLACEMENT_MM, SCALE_U = 1.0, 0.001
 Fine = Annotated[Number, Field(ge=1e-6, le=100.0)]
 Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
 
@@ -67,8 +62,7 @@ class Gauge(Instrument):
     repeatability_mm: Annotated[
         Fine, ask("Gauge: repeatability", "standard deviation of one reading")
     ]
-    # How well its stand is put at its place along the leg, one standard deviation, and standard
-    # uncertainty of its scale (1); None if nobody stated it.
+    # Standard uncertainty of its place along the leg, and of its scale (1); None: not stated.
     placement_mm: Annotated[Number, Field(ge=0.0, le=1e3)] | None = None
     scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
 
@@ -81,8 +75,7 @@ class Gauge(Instrument):
         return self.revolution_mm or 0.0
 
     def doubts(self, measured: Measured) -> tuple[Reason, ...]:
-        """Doubts of readings; of differences that neither they nor means of up to ten have such
-        decimals."""
+        """Of differences: neither readings nor means of them have such decimals."""
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
         value, step = measured.value, self.resolution_mm
@@ -127,7 +120,7 @@ def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
     steady = None if ordinary else too_steady(value, plan.shared, plan.cells, gauge)
     if steady is not None:
         setup, scatter = steady
-        where = plan.entry(int(np.argmax(plan.shared == setup))) if setup is not None else None
+        where = None if setup is None else plan.entry(int(np.argmax(plan.shared == setup)))
         sizes = {"scatter_mm": scatter, "repeatability_mm": gauge.repeatability_mm}
         yield Reason.of("steady" if scatter else "stuck", where=where, **sizes)
     between = np.flatnonzero(off_scale(value, step))
@@ -147,17 +140,13 @@ def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
             return
 
 
-# --- repeats ----------------------------------------------------------------------------------
-
-
 def too_steady(
     value: Floats, setup: Ints, cell: Ints, gauge: Instrument
 ) -> tuple[int | None, float] | None:
     """Readings whose repeats differ less than this gauge does; None if there are none.
 
-    Of n values [mm] those of one set-up and cell repeat each other. Each set-up is looked at alone,
-    and all together: found are the set-up, None for all, and the standard deviation of the repeats
-    [mm], exactly 0 if they never differ.
+    Of n values [mm] those of one set-up and cell repeat each other. Returns the set-up, None for
+    all together, and the standard deviation of the repeats [mm], exactly 0 if they never differ.
     """
     (left, repeat), setups = _about_means(value, setup, cell), np.unique(setup)
     for chosen in (None, *setups.tolist()):
@@ -203,15 +192,9 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
     return math.exp(min(less, some, 0.0))
 
 
-# --- digits and travel ------------------------------------------------------------------------
-
-
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:
     """Where values [mm] miss all divisions of `step` [mm] by more than this fraction of one."""
     return np.asarray(np.abs(value / step - np.rint(value / step)) > allowed)
-
-
-# --- units ------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=8)

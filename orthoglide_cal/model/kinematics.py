@@ -25,6 +25,10 @@ from orthoglide_cal.model.readings import AXES
 
 # Sine of the angle between the legs below which a posture counts as singular.
 SINGULAR = 1e-9
+UNREACHED = (
+    "The legs do not reach each other at these joint positions.",
+    "Use joint positions inside the limits of the machine.",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +42,7 @@ class Geometry(ReadOnly):
     def tool_for(self, joints: Numbers, strict: bool = True) -> Numbers:
         """Direct kinematics: p (..., 3) [mm] for true joint positions (..., 3) [mm].
 
-        Errors, and what `strict` means, as of `trilaterate`.
+        NaN where the legs do not reach each other; if `strict`, that raises PostureError.
         """
         tool = Points.of(self, joints[..., None, :], strict).tool
         return np.asarray(Points.batch_first(tool, 1)[0])
@@ -123,17 +127,20 @@ class Points(NamedTuple):
 
     directions: Numbers  # u_i, shape (3, 3, 1, ...)
     centres: Numbers  # b_i, shape (3, 3, m, ...) [mm]
-    tool: Numbers  # p, shape (3, m, ...) [mm]
+    tool: Numbers  # p, shape (3, m, ...) [mm]; see `trilaterate`
 
     @classmethod
-    def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> "Points":
+    def of(cls, geometry: Geometry, joints: Numbers, strict: bool = False) -> "Points":
         """Direct kinematics for true joint positions (..., m, 3) [mm], as `Geometry.tool_for`."""
         rails, lengths = (geometry.points, geometry.directions), geometry.lengths
         batch = max(joints.ndim, *(values.ndim for values in rails), lengths.ndim + 1) - 2
         points, directions = (components(values, 2, batch + 1) for values in rails)
         lengths = components(lengths, 1, batch + 1)
         centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
-        return cls(directions, centres, trilaterate(centres, lengths, strict))
+        tool = trilaterate(centres, lengths)
+        if strict and np.isnan(tool).any():
+            raise PostureError(*UNREACHED)
+        return cls(directions, centres, tool)
 
     @staticmethod
     def batch_first(values: Numbers, axes: int) -> Numbers:
@@ -180,18 +187,14 @@ def _dot(a: Numbers, b: Numbers) -> Numbers:
     return np.asarray(np.einsum("i...,i...->...", a, b))
 
 
-def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
+def trilaterate(centres: Numbers, lengths: Numbers) -> Numbers:
     """The point p, shape (3, ...) [mm], at distance `lengths` from three centres.
 
     On the side of the prototype's assembly, m = −1 in eq. (4) (errata, sec. 2.4): the three centres
     run clockwise as seen from p.
 
-    Args:
-        centres: shape (3, 3, ...), row i is b_i [mm].
-        lengths: shape (3, ...) [mm].
-        strict: raise if any of the batch has no solution; otherwise its entry is NaN.
-
-    Raises PostureError: the spheres have no common point, or their centres lie on a line.
+    Centres are b_i, shape (3, 3, ...), lengths (3, ...) [mm]. NaN where the spheres have no common
+    point, or the centres lie on a line.
     """
     first = centres[0]
     to_second, to_third = centres[1:] - first
@@ -199,22 +202,11 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
     area2 = _dot(normal, normal)
     second2, third2 = _dot(to_second, to_second), _dot(to_third, to_third)
     on_a_line = area2.real <= SINGULAR**2 * np.abs(second2 * third2)
-    if strict and np.any(on_a_line):
-        fault = "The three carriage joints lie on a line: the tool position is not determined."
-        raise PostureError(fault, "Change the joint positions.")
     area2 = np.where(on_a_line, np.nan, area2)
     squares = lengths**2
     half_second = 0.5 * (second2 + squares[0] - squares[1])
     half_third = 0.5 * (third2 + squares[0] - squares[2])
     in_plane = _cross(half_second * to_third - half_third * to_second, normal) / area2
     height2 = squares[0] - _dot(in_plane, in_plane)
-    apart = height2.real < 0.0
-    if strict and np.any(apart):
-        missing = float(np.sqrt(-height2.real.min()))
-        raise PostureError(
-            "The legs do not reach each other at these joint positions"
-            f" (the spheres miss by {missing:.3g} mm).",
-            "Use joint positions inside the limits of the machine.",
-        )
-    height = np.sqrt(np.where(apart, np.nan, height2) / area2)
+    height = np.sqrt(np.where(height2.real < 0.0, np.nan, height2) / area2)
     return np.asarray(first + in_plane - height * normal)

@@ -450,7 +450,6 @@ class LinearDelta(Machine):
 
     @property
     def equal_arms(self) -> bool:
-        """True if one length is enough for the arms."""
         return float(np.ptp(np.round(self.arm_length_mm, self.decimals))) == 0.0
 
     def having(self, arms: Floats, radius: float, angles: Floats, endstops: Floats) -> Self:
@@ -464,11 +463,10 @@ class LinearDelta(Machine):
 
     def command(self, plan: ProbePlan) -> Command:
         """Commands for all first places, then for all second ones."""
-        rails = self.nominal_rails
-        places = np.concatenate((plan.place, plan.other))
-        # On the way from place to place the height does not depend on what is touched.
+        rails, places = self.nominal_rails, np.concatenate((plan.place, plan.other))
+        # On the way the height does not depend on what is touched.
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
-        # From touch to touch; a printed object was approached from all sides.
+        # A printed object was approached from all sides.
         touches = plan.in_time[~plan.distance[plan.in_time]]
         approach = Command.approach_of(rails.joints_for(level), touches)
         hours, nothing = np.tile(plan.hours, 2), np.zeros(places.shape)
@@ -480,8 +478,7 @@ class LinearDelta(Machine):
         turned = np.concatenate((parameters[..., 4:], 0.0 * parameters[..., :1]), axis=-1)
         angles = np.radians(self.tower_angles_deg) + np.radians(1.0) * turned
         shift = _on_circle(radius, angles) - self.nominal_rails.points
-        above = np.sqrt(geometry.lengths**2 - radius**2)
-        raised = above - self._above(self.delta_radius_mm)
+        raised = np.sqrt(geometry.lengths**2 - radius**2) - self._above(self.delta_radius_mm)
         real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
         return real, parameters[..., :3] + raised
 
@@ -502,8 +499,7 @@ class LinearDelta(Machine):
         self, dates: Sequence[tuple[Machine, Measured]], slope: Callable[[Plan], Floats]
     ) -> tuple[Plan, Floats]:
         """Touches stand where these settings put the nozzle, carriages as they were."""
-        plans: list[ProbePlan] = []
-        values: list[Floats] = []
+        plans, values = list[ProbePlan](), list[Floats]()
         for day, (then, read) in enumerate(dates):
             plan = read.plan if isinstance(read, Readings) else None
             if not (isinstance(then, LinearDelta) and isinstance(plan, ProbePlan)):
@@ -554,7 +550,6 @@ class LinearDelta(Machine):
 
     def reading_words(self, plan: ProbePlan, index: int) -> str:
         """Such as "x 12.5, y -30 mm (touch 12)"."""
-        # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
         kind = "distance" if plan.distance[index] else "touch"

@@ -19,6 +19,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from orthoglide_cal.errors import InputError, PostureError, UsageError, command
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
 from orthoglide_cal.model.kinematics import (
+    UNREACHED,
     ByUnknowns,
     Command,
     GaugeResponse,
@@ -321,16 +322,15 @@ class Orthoglide(Machine):
             set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
         moments = moment, joints.shape[-2] + which
         joints = np.concatenate((joints, set_up), axis=-2)
-        try:
-            points = Points.of(real.geometry, joints, strict)
-        except PostureError as error:
-            failed = np.isnan(Points.of(real.geometry, joints, strict=False).tool[0])
+        points = Points.of(real.geometry, joints)
+        if strict and np.isnan(points.tool).any():
+            failed = np.isnan(points.tool[0])
             bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
             named = "Isotropic posture"
             if bad.size:
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
-            raise PostureError(f"{named}: {error.what}", error.remedy) from error
+            raise PostureError(f"{named}: {UNREACHED[0]}", UNREACHED[1])
         return _touched(points, plan, command, *moments)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:

@@ -34,8 +34,7 @@ class Series(NamedTuple):
 
 def other_axes(leg: int) -> tuple[int, int]:
     """The two directions in which the deviation of a leg can be read, in the paper's order."""
-    first, second = (k for k in range(3) if k != leg)
-    return first, second
+    return ((1, 2), (0, 2), (0, 1))[leg]
 
 
 class Posture(StrEnum):
@@ -92,12 +91,9 @@ class GaugePlan(Plan):
     def stood(self) -> Floats:
         """Offsets in force at the first reading of each set-up, shape (n, 3) [mm]: a stand does not
         follow what is entered later."""
-        _, first, setup = np.unique(
-            self.setup[self.in_time], return_index=True, return_inverse=True
-        )
-        stood = np.empty_like(self.entered)
-        stood[self.in_time] = self.entered[self.in_time][first][setup.reshape(-1)]
-        return read_only(stood)
+        numbers, first = np.unique(self.setup[self.in_time], return_index=True)
+        stood = self.entered[self.in_time[first]]
+        return read_only(stood[np.searchsorted(numbers, self.setup)])
 
     @of_steps
     def zeros(self) -> Floats:
