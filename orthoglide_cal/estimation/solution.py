@@ -654,21 +654,6 @@ class Solution(OffsetEstimate):
         # Of readings that are less precise than most, as much less counts.
         return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
 
-    def require_possible(self) -> None:
-        """Refuse offsets that no machine has, or of which nobody knows what they are added to.
-
-        Raises UnusableResultError, with what to check.
-        """
-        require_settings(self.measured)
-        machine, largest = self.model.machine, float(np.abs(self.offsets_mm).max())
-        if not _possible(self.offsets_mm, self.model):
-            require_determined(self.problem)
-            raise UnusableResultError(
-                f"The {machine.vocabulary.many} would be as large as {largest:.0f} mm, more than"
-                " half of the travel.",
-                "Check the unit and the decimal marks of the readings, and the machine file.",
-            )
-
     def at(self, offsets: Floats) -> Solution:
         """The same model at other offsets, shape (3,) [mm], with what they leave."""
         left = self.data - self.problem.predict(offsets)
@@ -690,17 +675,10 @@ class Solution(OffsetEstimate):
         return bool(np.abs(left).max() <= OPTIMAL)
 
 
-def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:
-    """Identify the joint offsets; as `fit_parameters` and `Solution.require_possible`."""
-    solution = fit_parameters(measured, model, method)
-    solution.require_possible()
-    return solution
-
-
-def fit_parameters(
+def solve(
     measured: Measured, model: Model, method: str | None = None, offsets: Floats | None = None
 ) -> Solution:
-    """Fit the joint offsets, whatever their size.
+    """Identify the joint offsets.
 
     All readings at once are weighted by what is uncertain of them in addition to noise, such as
     where along its leg each gauge stands; the paper's methods are as the paper has them.
@@ -713,9 +691,10 @@ def fit_parameters(
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
-        UnusableResultError: the data do not determine the offsets, with what to add; or no optimum
-            was found.
+        UnusableResultError: the data do not determine the offsets, with what to add; no optimum was
+            found; no machine has these offsets; or nobody knows what they are added to.
     """
+    require_settings(measured)
     chosen = choose_method(measured, method)
     problem, data = pose(measured, model, chosen.uses)
     require_rank(problem)
@@ -728,7 +707,15 @@ def fit_parameters(
         residuals = shifted - at_zero @ offsets
     elif offsets is None:
         offsets = require_optimum(problem, fit_offsets(problem, data)).offsets_mm
-    plan, gauge = problem.plan, model.machine.instrument
+    machine, plan, gauge = model.machine, problem.plan, model.machine.instrument
+    # So far from where it seems to be, a carriage could not move.
+    if (largest := float(np.abs(offsets).max())) > machine.travel_mm / 2.0:
+        require_determined(problem)
+        raise UnusableResultError(
+            f"The {machine.vocabulary.many} would be as large as {largest:.0f} mm, more than half"
+            " of the travel.",
+            "Check the unit and the decimal marks of the readings, and the machine file.",
+        )
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
     # number of parameters.
@@ -740,8 +727,7 @@ def fit_parameters(
     left = [influence for influence in uncertain if influence.source not in here]
     stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(one.rest for one in left)))
     ratios = [(one.source, one.columns / stated_mm) for one in left]
-    # Offsets that no machine has need no weights to be refused.
-    if chosen is Method.READINGS and _possible(offsets, model):
+    if chosen is Method.READINGS:
         problem = problem.weighted(problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         data = problem.matrix @ measured.value
         offsets = require_optimum(problem, fit_offsets(problem, data, offsets)).offsets_mm
@@ -753,7 +739,7 @@ def fit_parameters(
     # method; what a cause of the machine would explain is none.
     if isinstance(measured, Readings) and problem.which:
         plain, all_data = pose(measured, model, DataKind.READINGS)
-    hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
+    hidden = set(machine.unobservable) - {effect.cause.id for effect in model.accepted}
     ratio = np.hstack([ratio for source, ratio in ratios if source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
     dof = len(all_data) - len(offsets) - sum(here.values())
@@ -780,11 +766,6 @@ def fit_parameters(
         scatter=scatter,
         stated_mm=stated_mm,
     )
-
-
-def _possible(offsets: Floats, model: Model) -> bool:
-    """True unless a carriage is half of its travel from where it seems to be: it could not move."""
-    return float(np.abs(offsets).max()) <= model.machine.travel_mm / 2.0
 
 
 def require_settings(measured: Measured) -> None:

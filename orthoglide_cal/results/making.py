@@ -31,7 +31,6 @@ from orthoglide_cal.estimation.solution import (
     PromisedDifference,
     Solution,
     chance_of_residual,
-    fit_parameters,
     promise,
     require_settings,
     rms,
@@ -103,8 +102,7 @@ def answer_to(
     try:
         require_settings(measured)
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
-        solution = fit_parameters(measured, model, method) if method else diagnosis.alone
-        solution.require_possible()
+        solution = solve(measured, model, method) if method else diagnosis.alone
     except UnusableResultError as error:
         excerpt = measured.source.excerpt
         unknown = excerpt is not None and excerpt.unknown
