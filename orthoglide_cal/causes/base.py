@@ -11,10 +11,7 @@ from orthoglide_cal.model.readings import AXES, GaugePlan, Series
 
 
 class PatternCause(Cause):
-    """A cause that adds a known pattern of readings, at one of many places.
-
-    Of one parameter; of several readings that are wrong, each by itself, of one for each.
-    """
+    """A cause that adds a known pattern of readings, of one parameter, at one of many places."""
 
     names: tuple[str, ...] = ("size",)
     placed = True
@@ -32,11 +29,8 @@ class PatternCause(Cause):
         return Patterns.at(plan, [place[0] for place in places], list(map(self.onward, places)))
 
     def minority(self, place: Place, plan: AnyPlan) -> tuple[int, ...]:
-        """The readings that it changes, or the others of their set-up, whichever are fewer.
-
-        Their zero is unknown: a step that leaves one reading behind is one wrong reading, as is one
-        that moves one.
-        """
+        """The readings that it changes, or the others of their set-up, whichever are fewer: with
+        an unknown zero a step that leaves one behind is as one that moves one."""
         readings = np.flatnonzero(self._pattern(place, plan).any(axis=1))
         rest = np.setdiff1d(np.flatnonzero(plan.shared == plan.shared[readings[0]]), readings)
         return tuple((rest if 0 < rest.size <= readings.size else readings).tolist())

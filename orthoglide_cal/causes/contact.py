@@ -31,7 +31,6 @@ class BarSkew(Cause):
     lasting = True
 
     def adjustment(self, name: str) -> Screw:
-        """The bar is turned about its end at the carriage."""
         leg = _SERIES[self.names.index(name)].leg
         return Screw(leg, f"the bar of leg {AXES[leg].upper()} at the tool", "this end of the bar")
 
@@ -99,10 +98,8 @@ class StandShift(PatternCause):
 
 
 def _zernike(name: str) -> dict[tuple[int, int], float]:
-    """Powers of x and y → coefficient, of Zernike's polynomial "z4_-2": degree 4, angle −2.
-
-    Terms below the second degree are left out: height and tilt are the endstops'.
-    """
+    """Powers of x and y → coefficient, of Zernike's polynomial "z4_-2": degree 4, angle −2; without
+    height and tilt, which are the endstops'."""
     n, m = map(int, name[1:].split("_"))
     coefficients: dict[tuple[int, int], float] = {}
     for k in range((n - abs(m)) // 2 + 1):
@@ -132,8 +129,7 @@ def _degree(name: str) -> int:
     return int(name[1]) if name[0] == "z" else len(name)
 
 
-# Places that each term of a shape asks for: of fewer it follows what nothing else would show.
-PLACES_PER_TERM = 3
+PLACES_PER_TERM = 3  # of fewer it follows what nothing else would show
 
 
 class _Surface(Cause):
@@ -182,8 +178,8 @@ class _Surface(Cause):
 class BedShape(_Surface):
     """A smooth shape that rises and falls over the bed; tilt and height are the endstops'.
 
-    A Gaussian process of fixed rank: independent terms that are the smaller the finer they are. The
-    data choose by how much, which is its length scale.
+    A Gaussian process of fixed rank: independent terms, the smaller the finer they are. The data
+    choose by how much.
     """
 
     id = "bed_shape"

@@ -14,11 +14,10 @@ from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import AXES
 
 # Shift of rail i in direction j per unit of gap: rails x and y are g_xy apart along z, y and z
-# are g_yz apart along x, z and x are g_zx apart along y, half of it each. This symmetry fixes
-# the origin of the frame: moving the whole machine changes no reading.
+# are g_yz apart along x, z and x are g_zx apart along y. Each rail of a pair takes half of it: this
+# fixes the origin of the frame, for moving the whole machine changes no reading.
 _SHIFT = np.zeros((3, 3, 3))
-# Lean of rail i towards axis j per unit of angle: each rail of a pair takes half of it. This
-# symmetry fixes the orientation of the frame: turning the whole machine changes no reading.
+# Lean of rail i towards axis j per unit of angle; half of it each fixes the frame's orientation.
 _LEAN = np.zeros((3, 3, 3))
 for _k, (_first, _second) in enumerate(((0, 1), (1, 2), (2, 0))):
     _along = 3 - _first - _second
@@ -105,10 +104,8 @@ MIDDLE = np.zeros(3)  # of the bed, where the tool is put
 
 
 def _outwards(geometry: Geometry) -> Numbers:
-    """Unit vectors from the middle to each tower, (..., 3, 3), level, at its carriage's height.
-
-    There a lean moves nothing, so that a radius found together with it goes the same way.
-    """
+    """Level unit vectors from the middle to each tower at its carriage's height, (..., 3, 3): there
+    a lean moves nothing."""
     carriages = geometry.points + geometry.joints_for(MIDDLE)[..., None] * geometry.directions
     return _unit(carriages * [1.0, 1.0, 0.0])
 
@@ -116,8 +113,7 @@ def _outwards(geometry: Geometry) -> Numbers:
 class TowerLean(Cause):
     """Leans of the rails: away from the middle, then in the sense of growing angles.
 
-    A rail leans about the height at which its carriage stands with the tool in the middle of the
-    bed: farther down or up it is a lean, there it is nothing.
+    A rail leans about the place of its carriage with the tool in the middle of the bed.
     """
 
     id = "tower_lean"

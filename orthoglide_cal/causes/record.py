@@ -18,8 +18,7 @@ from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import GaugePlan
 
-# A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
-CLERICAL = 0.1
+CLERICAL = 0.1  # how likely a fault of a whole table is compared to that of one gauge
 _UNITS = tuple(UNITS)
 
 
@@ -58,10 +57,7 @@ class Misread(PatternCause):
 
 
 class GaugeSlip(PatternCause):
-    """Turns added to one reading, or to all readings of a set-up from one on.
-
-    The parameter is a whole number, nearly always one, so it is not estimated but tried.
-    """
+    """Turns, a whole number, added to one reading, or to all readings of a set-up from one on."""
 
     id = "gauge_slip"
     unit = "turns"
@@ -108,8 +104,8 @@ class RelabelCause(Cause):
 class ExchangeCause(RelabelCause, ABC):
     """Readings of one leg and direction were written under another, and the other way round.
 
-    Each reading is exchanged with the one of the same step of the other leg and direction, in the
-    same part. Where these do not pair up, the readings are looked at under another plan.
+    Each is exchanged with that of the same step in the same part. Where these do not pair up, the
+    readings are looked at under another plan.
     """
 
     @abstractmethod
@@ -152,10 +148,8 @@ def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray
 
 
 class SignFlip(RelabelCause):
-    """Readings of one leg and direction have the opposite sign, or, rarely, the whole table.
-
-    The latter is to first order what the opposite offsets give: only large ones distinguish them.
-    """
+    """Readings of one leg and direction have the opposite sign, or, rarely, the whole table: to
+    first order as with opposite offsets."""
 
     id = "sign_flip"
 
@@ -163,7 +157,6 @@ class SignFlip(RelabelCause):
         return (*series_places(plan), *whole_table(plan))
 
     def share(self, place: Place) -> float:
-        """All gauges are the wrong way round, or a spreadsheet turned them: rare."""
         return CLERICAL if place == EVERYWHERE else 1.0
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
@@ -175,11 +168,8 @@ class SignFlip(RelabelCause):
 
 
 class SwappedGauges(ExchangeCause):
-    """Each reading of one direction was written under the other direction of the same leg.
-
-    On a machine whose axes are alike no reading distinguishes this from the two other legs, with
-    their axes, written for each other: one name stands for both.
-    """
+    """Each reading of one direction was written under the other one of the same leg; or, which
+    no reading distinguishes, the two other legs, with their axes, for each other."""
 
     id = "swapped_gauges"
 
@@ -191,7 +181,6 @@ class SwappedGauges(ExchangeCause):
         return words_of(plan, place, 1)
 
     def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
-        """The same leg in its other direction."""
         other = 3 - plan.leg - plan.direction
         return plan.leg, np.where(there(plan, place, 1), other, plan.direction)
 

@@ -19,8 +19,6 @@ from orthoglide_cal.model.plan import Floats, Ints, ReadOnly, read_only
 
 Key = TypeVar("Key", bound=Hashable)
 
-# A common size is found to within this share of it, or in so many rounds.
-SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20
 TINY = 1e-12  # a variance of log odds
 
 
@@ -73,29 +71,6 @@ def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tup
     precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     return covariance @ (columns.T @ data) / sigma**2, covariance
-
-
-def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
-    """The likeliest size that the `chosen` unknowns have in common, whose first size is 1.
-
-    Other arguments as of `condition`. By expectation and maximisation.
-    """
-    others = np.delete(np.arange(len(sizes)), chosen)
-    precision, pull = columns.T @ columns / sigma**2, columns.T @ data / sigma**2
-    # What the others leave of the chosen ones; along its axes these are independent.
-    inner = precision[np.ix_(others, others)] + np.diag(1.0 / sizes[others] ** 2)
-    taken = np.linalg.solve(inner, precision[np.ix_(others, chosen)]).T
-    spectrum, axes = np.linalg.eigh(
-        precision[np.ix_(chosen, chosen)] - taken @ precision[np.ix_(others, chosen)]
-    )
-    along = axes.T @ (pull[chosen] - taken @ pull[others])
-    size = 1.0
-    for _ in range(SIZE_ROUNDS):
-        variance = 1.0 / (spectrum + 1.0 / size**2)
-        before, size = size, float(np.sqrt(np.mean((along * variance) ** 2 + variance)))
-        if abs(size / before - 1.0) < SIZE_WITHIN:
-            break
-    return size
 
 
 def unexplained(columns: Floats, values: Floats) -> Floats:

@@ -19,7 +19,7 @@ from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
+from orthoglide_cal.estimation.gaussian import condition, log_sum, shrink, shrinking
 from orthoglide_cal.estimation.solution import Contrasts, rms
 from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
@@ -120,9 +120,9 @@ class Fit(ReadOnly):
         if scale_factor is None:
             if np.count_nonzero(local) < ENOUGH * len(self.start):
                 return self
-            stated = self.with_local_shape(1.0)
-            data, chosen = (self.columns, self.unexpected), np.flatnonzero(local)
-            scale_factor = fit_size(*data, stated.sizes, stated.stated, chosen)
+            assert self.noise.scale_factor is not None
+            shares = np.exp(self.by_noise - log_sum(self.by_noise))
+            scale_factor = math.sqrt(shares @ self.noise.scale_factor**2)
         sizes = np.where(local, scale_factor, self.sizes)
         return replace(self, sizes=sizes, scale_factor=scale_factor)
 

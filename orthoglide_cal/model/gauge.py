@@ -1,14 +1,12 @@
 """The dial indicator, and what it can hardly have shown, before any model is asked.
 
-A gauge that is held shows the same number for ever; inches written as millimetres scatter 25
-times less than a gauge can. Both look like excellent data to a fit. Healthy readings are doubted
-once in a million sessions: every chance here is an upper bound, for a gauge as good as stated.
+A gauge that is held, and inches written as millimetres, look like excellent data to a fit. Healthy
+readings are doubted once in a million sessions, of a gauge as good as stated.
 """
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Annotated
 
@@ -18,19 +16,17 @@ from pydantic import Field
 from orthoglide_cal.losses import TOO_STEADY
 from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import Floats, Ints, read_only
+from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
-# A value may miss the gauge's divisions by this fraction of one through rounding alone.
-OFF_SCALE = 0.02
+OFF_SCALE = 0.02  # of a division, by which a value may miss it through rounding alone
 # Readings in mm that were converted from inches are whole multiples of this step, exactly so if
 # they are written to six decimals. Others come within this fraction of a step 1 time in 50.
 _INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 # A printed difference may be one of means; readings that each of them can have.
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
-# A unit explains readings if with it they scatter at most this many times more than stated.
-_TOO_MUCH = 2.0
+_TOO_MUCH = 2.0  # times the stated noise: readings that scatter more are in no such unit
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
@@ -48,11 +44,9 @@ UNITS: Mapping[float, tuple[str, str]] = MappingProxyType(
     }
 )
 
-# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
-# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
-# reads 0.06 % short.
-PLACEMENT_MM = 1.0
-SCALE_U = 0.001
+# Where the machine file says nothing: a stand put by eye or with a rule; dial indicators are off by
+# up to 15 µm in 10 mm, and a plunger that leans by 2° reads 0.06 % short.
+PLACEMENT_MM, SCALE_U = 1.0, 0.001
 Fine = Annotated[Number, Field(ge=1e-6, le=100.0)]
 Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
 
@@ -68,8 +62,7 @@ class Gauge(Instrument):
     repeatability_mm: Annotated[
         Fine, ask("Gauge: repeatability", "standard deviation of one reading")
     ]
-    # How well its stand is put at its place along the leg, one standard deviation, and standard
-    # uncertainty of its scale (1); None if nobody stated it.
+    # Standard uncertainty of its place along the leg, and of its scale (1); None: not stated.
     placement_mm: Annotated[Number, Field(ge=0.0, le=1e3)] | None = None
     scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
 
@@ -82,8 +75,7 @@ class Gauge(Instrument):
         return self.revolution_mm or 0.0
 
     def doubts(self, measured: Measured) -> tuple[Reason, ...]:
-        """Doubts of readings; of differences that neither they nor means of up to ten have such
-        decimals."""
+        """Of differences: neither readings nor means of them have such decimals."""
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
         value, step = measured.value, self.resolution_mm
@@ -128,7 +120,7 @@ def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
     steady = None if ordinary else too_steady(value, plan.shared, plan.cells, gauge)
     if steady is not None:
         setup, scatter = steady
-        where = plan.entry(int(np.argmax(plan.shared == setup))) if setup is not None else None
+        where = None if setup is None else plan.entry(int(np.argmax(plan.shared == setup)))
         sizes = {"scatter_mm": scatter, "repeatability_mm": gauge.repeatability_mm}
         yield Reason.of("steady" if scatter else "stuck", where=where, **sizes)
     between = np.flatnonzero(off_scale(value, step))
@@ -148,27 +140,21 @@ def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
             return
 
 
-# --- repeats ----------------------------------------------------------------------------------
-
-
 def too_steady(
     value: Floats, setup: Ints, cell: Ints, gauge: Instrument
 ) -> tuple[int | None, float] | None:
     """Readings whose repeats differ less than this gauge does; None if there are none.
 
-    Of n values [mm] those of one set-up and cell repeat each other. Each set-up is looked at alone,
-    and all together: found are the set-up, None for all, and the standard deviation of the repeats
-    [mm], exactly 0 if they never differ.
+    Of n values [mm] those of one set-up and cell repeat each other. Returns the set-up, None for
+    all together, and the standard deviation of the repeats [mm], exactly 0 if they never differ.
     """
-    left, repeat = _about_means(value, setup, cell)
-    setups = np.unique(setup)
+    (left, repeat), setups = _about_means(value, setup, cell), np.unique(setup)
     for chosen in (None, *setups.tolist()):
         mine = np.full(len(value), True) if chosen is None else setup == chosen
-        sizes = Counter(filter(None, np.bincount(repeat[mine]).tolist()))
-        squares = float((left[mine] ** 2).sum())
-        if (1 + setups.size) * chance_of_less_scatter(squares, sizes, gauge) < TOO_STEADY:
-            dof = sum((size - 1) * number for size, number in sizes.items())
-            scatter = math.sqrt(squares / dof)
+        size = np.bincount(repeat[mine])
+        squares = np.asarray(np.bincount(repeat[mine], left[mine] ** 2), np.float64)
+        if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
+            scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
     return None
 
@@ -180,72 +166,35 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
     return value - (np.bincount(repeat, weights=value) / count)[repeat], repeat
 
 
-def chance_of_less_scatter(squares: float, sizes: Counter[int], gauge: Instrument) -> float:
-    """Upper bound of the chance that repeats of this gauge scatter no more than these.
+def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> float:
+    """Smaller of two upper bounds of the chance that repeats of this gauge differ no more.
 
-    P(S ≤ s) ≤ exp(t s) E exp(−t S) for every t > 0 (Chernoff), S the sum of squares about the
-    means of the cells. A reading is x + noise, rounded to the resolution; x may lie anywhere
-    between two divisions, and the worst place counts: behind a coarse dial readings may well be
-    equal. Whatever moves the gauge between repeats makes S larger.
+    n readings of noise σ, rounded to q, are all equal with p ≤ (q/(σ√2π))ⁿ⁻¹/√n (Hölder), and only
+    then is S < q²/2, the sum of squares about their mean. Rounding changes √S by at most √n·q/2,
+    and S/σ² before it is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2).
 
     Args:
-        squares: s [mm²].
-        sizes: number of readings in a cell → number of such cells.
+        squares: S of each cell, shape (c,) [mm²].
+        size: number of readings in each, (c,).
     """
-    noise, step = gauge.repeatability_mm, gauge.resolution_mm
-    if noise <= 0.0:
+    squares, size = squares[size > 1], size[size > 1]
+    if not size.size:
         return 1.0
-    # Rounding much finer than the noise counts as a quarter of it: repeats are equal more often.
-    step = max(step, noise / 4.0)
-    logs = np.zeros(_RATES.size)
-    for size, number in sizes.items():
-        # About the means of its parts a large cell scatters less than about its own.
-        whole, rest = divmod(size, _PART)
-        for part, parts in ((_PART, whole), (rest, 1)):
-            if part > 1 and parts:
-                logs += number * parts * _log_moments(part, noise / step)
-    return math.exp(min(float(np.min(logs + _RATES * (squares / step / step))), 0.0))
-
-
-_PART = 10
-# t in units of 1/(resolution)²; beyond the last one every difference counts as infinite.
-_RATES = np.geomspace(5e-3, 40.0, 24)
-_PHASES = np.linspace(0.0, 0.5, 5)
-
-
-@cache
-def _log_moments(size: int, noise: float) -> Floats:
-    """ln E exp(−t S) of a cell of `size` readings for each t, lengths in divisions, shape (t,).
-
-    With exp(−t Σ(y − ȳ)²) = √(n t/π) ∫ dm Π exp(−t (y − m)²), the readings are independent.
-    """
-    reach = math.ceil(6.0 * noise) + 1
-    shown = np.arange(-reach, reach + 1)
-    edges = np.arange(-reach, reach + 2) - 0.5
-    below = np.array(
-        [[0.5 * math.erfc(-(e - p) / noise / math.sqrt(2.0)) for e in edges] for p in _PHASES]
-    )
-    chance = np.diff(below, axis=1)
-    logs = []
-    for rate in _RATES.tolist():
-        width = math.sqrt(0.5 / (rate * size))
-        ends = reach + 6.0 * width
-        means = np.linspace(-ends, ends, 2 * math.ceil(2.0 * ends / width) + 1)
-        weighted = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
-        integral = (weighted**size).sum(axis=1) * (means[1] - means[0])
-        logs.append(math.log(float(integral.max()) * math.sqrt(size * rate / math.pi)))
-    return read_only(np.minimum(logs, 0.0))
-
-
-# --- digits and travel ------------------------------------------------------------------------
+    noise, step, dof = gauge.repeatability_mm, gauge.resolution_mm, (size - 1).sum()
+    most = math.sqrt(squares.sum()) + 0.5 * step * math.sqrt(size.sum())
+    ratio = min((most / noise) ** 2 / dof, 1.0)
+    less = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
+    # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
+    narrow = math.log(max(step / noise, 0.25) / math.sqrt(2.0 * math.pi))
+    costs = np.sort(np.maximum(0.5 * np.log(size) - (size - 1) * narrow, 0.0))
+    equal = np.count_nonzero(squares < 0.5 * step**2)
+    some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
+    return math.exp(min(less, some, 0.0))
 
 
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:
     """Where values [mm] miss all divisions of `step` [mm] by more than this fraction of one."""
     return np.asarray(np.abs(value / step - np.rint(value / step)) > allowed)
-
-
-# --- units ------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=8)

@@ -5,12 +5,11 @@ The general machine has three straight rails in any position and direction, and 
     carriage centre   b_i = a_i + q_i u_i          (q_i: true joint position)
     leg               |p − b_i| = L_i              (eq. 1 for any rails)
 
-Direct kinematics is the intersection of three spheres in closed form; inverse kinematics is
-the intersection of a sphere and a line. Everything is batched and stays valid for complex
-input, so that derivatives can be taken by a complex step. Lengths are mm; nothing reads files.
+Direct kinematics is the intersection of three spheres, inverse kinematics that of a sphere and a
+line. Everything is batched and valid for complex input, for derivatives by a complex step.
 
 Functions take matrix and vector indices as the first axes and the batch as the last ones,
-(3, 3, ...): many small vectors are then handled as few long arrays. Methods have the batch first.
+(3, 3, ...): many small vectors are then few long arrays. Methods have the batch first.
 """
 
 from collections.abc import Callable
@@ -26,11 +25,15 @@ from orthoglide_cal.model.readings import AXES
 
 # Sine of the angle between the legs below which a posture counts as singular.
 SINGULAR = 1e-9
+UNREACHED = (
+    "The legs do not reach each other at these joint positions.",
+    "Use joint positions inside the limits of the machine.",
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry(ReadOnly):
-    """Where the rails are and how long the legs are."""
+    """Rails and legs."""
 
     points: Numbers  # a_i, one point of each rail, shape (..., 3, 3), row i for rail i [mm]
     directions: Numbers  # u_i, unit vectors, shape (..., 3, 3), row i for rail i
@@ -39,7 +42,7 @@ class Geometry(ReadOnly):
     def tool_for(self, joints: Numbers, strict: bool = True) -> Numbers:
         """Direct kinematics: p (..., 3) [mm] for true joint positions (..., 3) [mm].
 
-        Errors, and what `strict` means, as of `trilaterate`.
+        NaN where the legs do not reach each other; if `strict`, that raises PostureError.
         """
         tool = Points.of(self, joints[..., None, :], strict).tool
         return np.asarray(Points.batch_first(tool, 1)[0])
@@ -47,8 +50,8 @@ class Geometry(ReadOnly):
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
 
-        The carriages stand ahead of the tool: all signs of eq. (3) are +, the prototype's
-        (errata). Raises PostureError: a leg is too short to reach the point from its rail.
+        All signs of eq. (3) are +, the prototype's (errata). Raises PostureError: a leg is too
+        short to reach the point from its rail.
         """
         from_rail = tool[..., None, :] - self.points
         along = (from_rail * self.directions).sum(axis=-1)
@@ -88,14 +91,13 @@ class Command(ReadOnly):
         return approach
 
 
-# What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
-# touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
-# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and what works out the
-# derivative by q unknowns, shape (..., n, q), from what gives that of the joints under a command,
-# shape (..., n, 3, q), of which the offsets come first; None where only these move the carriages.
-# It is None itself where it is not known in closed form.
+# Derivative of the joints under a command by q unknowns, offsets first, (..., n, 3, q); and that of
+# readings, (..., n, q), from it, or from None where only offsets move the carriages.
 ByUnknowns = Callable[[Command], Floats]
 Derivative = Callable[[ByUnknowns | None], Floats]
+# What n gauges or probes are pushed to, (..., n) [mm]; what they touch: the place along the leg,
+# from carriage joint (0) to tool (1), (..., n), or the tool, in radii of the bed, (..., n, 3); and
+# the derivative, None where it is not known in closed form.
 GaugeResponse = tuple[Numbers, Numbers, Derivative | None]
 
 
@@ -103,7 +105,7 @@ GaugeResponse = tuple[Numbers, Numbers, Derivative | None]
 class RealMachine:
     """A machine with its accepted causes, as rails and joints."""
 
-    geometry: Geometry  # rails and legs as they really are
+    geometry: Geometry
     # What moves the carriages away from where the offsets alone put them, in order: joints
     # (..., n, 3) and a `command` → joints [mm].
     motions: tuple[Callable[..., Numbers], ...]
@@ -125,19 +127,20 @@ class Points(NamedTuple):
 
     directions: Numbers  # u_i, shape (3, 3, 1, ...)
     centres: Numbers  # b_i, shape (3, 3, m, ...) [mm]
-    tool: Numbers  # p, shape (3, m, ...) [mm]
+    tool: Numbers  # p, shape (3, m, ...) [mm]; see `trilaterate`
 
     @classmethod
-    def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> "Points":
+    def of(cls, geometry: Geometry, joints: Numbers, strict: bool = False) -> "Points":
         """Direct kinematics for true joint positions (..., m, 3) [mm], as `Geometry.tool_for`."""
-        rails = (geometry.points.ndim, geometry.directions.ndim, geometry.lengths.ndim + 1)
-        batch = max(joints.ndim, *rails) - 2
-        points, directions = (
-            components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
-        )
-        lengths = components(geometry.lengths, 1, batch + 1)
+        rails, lengths = (geometry.points, geometry.directions), geometry.lengths
+        batch = max(joints.ndim, *(values.ndim for values in rails), lengths.ndim + 1) - 2
+        points, directions = (components(values, 2, batch + 1) for values in rails)
+        lengths = components(lengths, 1, batch + 1)
         centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
-        return cls(directions, centres, trilaterate(centres, lengths, strict))
+        tool = trilaterate(centres, lengths)
+        if strict and np.isnan(tool).any():
+            raise PostureError(*UNREACHED)
+        return cls(directions, centres, tool)
 
     @staticmethod
     def batch_first(values: Numbers, axes: int) -> Numbers:
@@ -184,42 +187,26 @@ def _dot(a: Numbers, b: Numbers) -> Numbers:
     return np.asarray(np.einsum("i...,i...->...", a, b))
 
 
-def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
+def trilaterate(centres: Numbers, lengths: Numbers) -> Numbers:
     """The point p, shape (3, ...) [mm], at distance `lengths` from three centres.
 
-    On the side of the prototype's assembly, p = 0 at the isotropic posture, m = −1 in eq. (4)
-    (errata, sec. 2.4): the three centres run clockwise as seen from p.
+    On the side of the prototype's assembly, m = −1 in eq. (4) (errata, sec. 2.4): the three centres
+    run clockwise as seen from p.
 
-    Args:
-        centres: shape (3, 3, ...), row i is b_i [mm].
-        lengths: shape (3, ...) [mm].
-        strict: raise if any of the batch has no solution; otherwise its entry is NaN.
-
-    Raises PostureError: the spheres have no common point, or their centres lie on a line.
+    Centres are b_i, shape (3, 3, ...), lengths (3, ...) [mm]. NaN where the spheres have no common
+    point, or the centres lie on a line.
     """
     first = centres[0]
-    to_second = centres[1] - first
-    to_third = centres[2] - first
+    to_second, to_third = centres[1:] - first
     normal = _cross(to_second, to_third)
     area2 = _dot(normal, normal)
     second2, third2 = _dot(to_second, to_second), _dot(to_third, to_third)
     on_a_line = area2.real <= SINGULAR**2 * np.abs(second2 * third2)
-    if strict and np.any(on_a_line):
-        fault = "The three carriage joints lie on a line: the tool position is not determined."
-        raise PostureError(fault, "Change the joint positions.")
     area2 = np.where(on_a_line, np.nan, area2)
     squares = lengths**2
     half_second = 0.5 * (second2 + squares[0] - squares[1])
     half_third = 0.5 * (third2 + squares[0] - squares[2])
     in_plane = _cross(half_second * to_third - half_third * to_second, normal) / area2
     height2 = squares[0] - _dot(in_plane, in_plane)
-    apart = height2.real < 0.0
-    if strict and np.any(apart):
-        missing = float(np.sqrt(-height2.real.min()))
-        raise PostureError(
-            "The legs do not reach each other at these joint positions"
-            f" (the spheres miss by {missing:.3g} mm).",
-            "Use joint positions inside the limits of the machine.",
-        )
-    height = np.sqrt(np.where(apart, np.nan, height2) / area2)
+    height = np.sqrt(np.where(height2.real < 0.0, np.nan, height2) / area2)
     return np.asarray(first + in_plane - height * normal)

@@ -1,13 +1,12 @@
 """The linear delta: three upright rails around a round bed, probed from above.
 
-The frame is the bed's: x and y as the controller has them, z upwards from the bed. Its tilt against
-the towers and the endstops are one and the same to a probe, so the bed is level; its rotation is
-fixed by tower c, whose angle is not calibrated.
+The frame is the bed's: x and y as the controller has them, z upwards. The bed is level, since its
+tilt and the endstops are one and the same to a probe; tower c, whose angle is not calibrated, fixes
+the rotation.
 
-A touch is a place at which the controller believed the nozzle when the probe triggered; its
-reading is how much higher that is than the touched surface should be. A distance is what a
-calliper reads between two places of a printed object; its reading is the excess over the distance
-that was commanded. Both are zero on a perfect machine.
+The reading of a touch is how much higher the controller believed the nozzle when the probe
+triggered than the touched surface should be; that of a distance, which a calliper reads between two
+places of a printed object, its excess over the commanded one. Both are zero on a perfect machine.
 """
 
 import math
@@ -55,7 +54,7 @@ TOWERS = ("a", "b", "c")
 FEW = 13  # places, to be touched once more on blocks
 SHOWING = 49  # places, among which an adjustment is read
 UNEQUAL_MM = 0.5  # stored arms that differ by more than this are doubted
-_STEPS = 8  # in each the gap between a nozzle and the bed closes by all but some per cent
+_STEPS = 8  # each closes the gap between nozzle and bed by all but some per cent
 ANOTHER = 0.05  # a printer whose arms or radius differ by a larger share is another one
 TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
 
@@ -69,21 +68,16 @@ REACH = 0.95  # share of the bed's radius, within which they are
 # To tell what a bed alone does not: so many places of the bed, so many of them on blocks, too.
 SPREAD, RAISED = (25, 49, 81, 121, 169, 241), (7, 13, 19, 25, 31)
 DECIMALS = 1  # with which places are sent to a printer [mm]
-# Multiples of it, less their whole parts, are spread most evenly.
-GOLDEN = (5.0**0.5 - 1.0) / 2.0
+GOLDEN = (5.0**0.5 - 1.0) / 2.0  # fractional parts of its multiples are spread most evenly
 PATCH = 1.0 / 3.0  # side of the patches that are left out together, in radii of the bed
 GRAIN_MM = 20.0  # over this distance the local shape of a bed is forgotten: glue, magnets, dirt
 # The local shape under more touches is described by that at so many places at most.
 MOST_TOUCHES, KNOTS = 600, 200
 FINER = (7, 8)  # degrees of shapes that are finer than `bed_shape`
+_SCALES = np.array([0.25, 0.7, 2.0, 5.0, 12.0, 30.0])
+_SHARES = np.exp(-0.5 * (np.log(_SCALES) / math.log(3.0)) ** 2)  # log-normal around 1
 
 Height = Annotated[Number, Field(ge=-1e4, le=1e4)]
-
-
-def _shares(scales: tuple[float, ...], spread: float) -> Mapping[float, float]:
-    """Share of each scale, log-normal around 1."""
-    weights = np.exp(-0.5 * (np.log(scales) / spread) ** 2)
-    return MappingProxyType(dict(zip(scales, (weights / weights.sum()).tolist(), strict=True)))
 
 
 def counter_clockwise(angles: Sequence[float]) -> bool:
@@ -145,19 +139,13 @@ class Endstops(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProbePlan(Plan):
-    """Touches and distances.
-
-    No zero is unknown: a probe's and the endstops' are one and the same. Each reading is its own
-    kind: the controller stopped elsewhere.
-    """
+    """Touches and distances; no zero is unknown, for a probe's is the endstops'."""
 
     place: Floats  # where the controller believes the nozzle to be, shape (n, 3) [mm]
     other: Floats  # the second place of a distance; of a touch the place itself, (n, 3) [mm]
     surface: Floats  # height of the touched surface over the bed, (n,) [mm]; 0 for a distance
-    # Whether it is a distance, (n,).
     distance: Bools = field(default_factory=lambda: read_only(False, np.bool_))
-    # Derivatives by the calibrated parameters, which have values of their own on each day, (n, 6);
-    # zero on the day whose values are looked for.
+    # Derivatives by the calibrated parameters of each day, (n, 6); 0 on that which is looked for.
     slope: Floats = field(default_factory=lambda: read_only(0.0))
 
     rows = MappingProxyType({"place": 3, "other": 3, "slope": 6})
@@ -196,12 +184,12 @@ class ProbePlan(Plan):
 
     @property
     def flat(self) -> bool:
-        """True if all are touches of one height: the reason of a shape does not show in them."""
+        """True if all are touches of one height."""
         return not self.distance.any() and len(np.unique(self.surface)) < 2
 
     @cached_property
     def movers(self) -> Bools:
-        """Groups of readings that move as one, with those of each region of the bed."""
+        """As of any plan, with those of each region of the bed."""
         regions = [rows for where, rows in self.wheres(True) if where]
         return read_only(np.stack([*super().movers, *regions]), np.bool_)
 
@@ -224,10 +212,7 @@ class ProbePlan(Plan):
 
     @cached_property
     def repeats(self) -> Ints:
-        """Number of the touches of the same spot, or of the same distance, shape (n,).
-
-        The height at which the controller stopped is what was read.
-        """
+        """Number of the touches of the same spot, or of the same distance, shape (n,)."""
         ends = np.where(self.distance[:, None], self.other, 0.0)
         height = np.where(self.distance, self.place[:, 2], self.surface)
         kind = self.distance.astype(np.intp)
@@ -237,8 +222,8 @@ class ProbePlan(Plan):
     def texture(self) -> Floats:
         """Local shape of the bed under each touch, columns of unit size, shape (n, m).
 
-        Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`. Of more than
-        `MOST_TOUCHES` it is what the shape at no more than `KNOTS` places says of them (Nyström).
+        Its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`. Of more than `MOST_TOUCHES` it is
+        what the shape at no more than `KNOTS` places says of them (Nyström).
         """
         touches = np.flatnonzero(self.touches)
         knots = place = self.place[touches, :2]
@@ -283,7 +268,7 @@ class ProbePlan(Plan):
 
 
 class PlannedTouch(NamedTuple):
-    """One touch of the bed for an adjustment, at a place as the controller has it."""
+    """One touch of the bed for an adjustment."""
 
     x_mm: float
     y_mm: float
@@ -301,16 +286,14 @@ class PlannedTouch(NamedTuple):
 
     @property
     def words(self) -> str:
-        """How it is taken."""
         return f"Home, switch the bed mesh off, and probe at  X {self.x_mm:g}  Y {self.y_mm:g}  mm"
 
 
 class LinearDelta(Machine):
     """The machine of many printers: endstops, radius and two tower angles are calibrated.
 
-    The third angle fixes the rotation of the frame. Arm lengths are not: on one height they and the
-    radius are nearly the same, and only distances would distinguish them. All fields are as the
-    controller has them, of towers a, b, c in this order.
+    Arm lengths are not: on one height they and the radius are nearly the same. All fields are as
+    the controller has them, of towers a, b, c in this order.
     """
 
     parameter_names = (*TOWERS, "radius", "angle_a", "angle_b")
@@ -325,8 +308,10 @@ class LinearDelta(Machine):
     shape = "bed_shape"
     fixed_parameters = ("leg_length",)
     # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
-    # within a factor of three, and hardly decides between causes.
-    tolerance_scales = _shares((0.25, 0.7, 2.0, 5.0, 12.0, 30.0), math.log(3.0))
+    # within a factor of three.
+    tolerance_scales = MappingProxyType(
+        dict(zip(_SCALES.tolist(), (_SHARES / _SHARES.sum()).tolist(), strict=True))
+    )
     needless_hold = COLD_HOLD
     # Belts have lost motion whatever else is wrong.
     companions = MappingProxyType(
@@ -335,8 +320,7 @@ class LinearDelta(Machine):
             " carriages may be the cause; this is not certain."
         }
     )
-    # No firmware has a setting for these, yet once they are known what is calibrated is found right
-    # together with them.
+    # No firmware has a setting for these, yet with them what is calibrated is found right.
     recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
     homed = len(TOWERS)
     decimals = 4
@@ -450,7 +434,7 @@ class LinearDelta(Machine):
 
     @property
     def nominal_rails(self) -> Geometry:
-        """Upright rails on a circle; arms as long as the controller has them."""
+        """Upright rails on a circle."""
         points = _on_circle(self.delta_radius_mm, np.radians(self.tower_angles_deg))
         return Geometry(points, np.tile([0.0, 0.0, 1.0], (3, 1)), np.array(self.arm_length_mm))
 
@@ -466,7 +450,6 @@ class LinearDelta(Machine):
 
     @property
     def equal_arms(self) -> bool:
-        """True if one length is enough for the arms."""
         return float(np.ptp(np.round(self.arm_length_mm, self.decimals))) == 0.0
 
     def having(self, arms: Floats, radius: float, angles: Floats, endstops: Floats) -> Self:
@@ -479,29 +462,23 @@ class LinearDelta(Machine):
         )
 
     def command(self, plan: ProbePlan) -> Command:
-        """Where the controller sends the carriages: all first places, then all second ones."""
-        rails = self.nominal_rails
-        places = np.concatenate((plan.place, plan.other))
-        # On the way from place to place the height does not depend on what is touched.
+        """Commands for all first places, then for all second ones."""
+        rails, places = self.nominal_rails, np.concatenate((plan.place, plan.other))
+        # On the way the height does not depend on what is touched.
         level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
-        # From touch to touch; a printed object was approached from all sides.
+        # A printed object was approached from all sides.
         touches = plan.in_time[~plan.distance[plan.in_time]]
         approach = Command.approach_of(rails.joints_for(level), touches)
         hours, nothing = np.tile(plan.hours, 2), np.zeros(places.shape)
         return Command(rails.joints_for(places), self.home_mm, hours, nothing, approach)
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
-        """Rails, and offsets of the carriages, with other values of what is calibrated.
-
-        From those at the values in force, which the real ones exceed by (..., 6) [mm, deg].
-        """
+        """Rails, and offsets of the carriages, that exceed the values in force by (..., 6)."""
         radius = self.delta_radius_mm + parameters[..., 3, None]
         turned = np.concatenate((parameters[..., 4:], 0.0 * parameters[..., :1]), axis=-1)
         angles = np.radians(self.tower_angles_deg) + np.radians(1.0) * turned
         shift = _on_circle(radius, angles) - self.nominal_rails.points
-        # The carriage stands where the endstop says for a tool in the middle.
-        above = np.sqrt(geometry.lengths**2 - radius**2)
-        raised = above - self._above(self.delta_radius_mm)
+        raised = np.sqrt(geometry.lengths**2 - radius**2) - self._above(self.delta_radius_mm)
         real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
         return real, parameters[..., :3] + raised
 
@@ -512,10 +489,8 @@ class LinearDelta(Machine):
         return tuple(word for word, name in named if getattr(self, name) != getattr(after, name))
 
     def believed(self, other: "LinearDelta", place: Floats) -> Floats:
-        """Where this controller believes the nozzle to be, shape (n, 3) [mm].
-
-        `place` is where the printer's controller of another date, `other`, believed it to be.
-        """
+        """Where this controller believes a nozzle to be that `other`, of another date, believes
+        at `place`, both (n, 3) [mm]."""
         ends, others = self.endstop_carriages_mm, other.endstop_carriages_mm
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
@@ -523,9 +498,8 @@ class LinearDelta(Machine):
     def together(
         self, dates: Sequence[tuple[Machine, Measured]], slope: Callable[[Plan], Floats]
     ) -> tuple[Plan, Floats]:
-        """Touches stand where these settings would have put the nozzle, carriages as they were."""
-        plans: list[ProbePlan] = []
-        values: list[Floats] = []
+        """Touches stand where these settings put the nozzle, carriages as they were."""
+        plans, values = list[ProbePlan](), list[Floats]()
         for day, (then, read) in enumerate(dates):
             plan = read.plan if isinstance(read, Readings) else None
             if not (isinstance(then, LinearDelta) and isinstance(plan, ProbePlan)):
@@ -541,7 +515,6 @@ class LinearDelta(Machine):
         return Plan.joined(*plans), np.concatenate(values)
 
     def judging(self, then: Machine) -> Machine:
-        """As it was then: where a carriage stood follows from the settings in force."""
         return then if then.kind == self.kind else self
 
     def holding(self, active: Sequence[float]) -> Self:
@@ -577,7 +550,6 @@ class LinearDelta(Machine):
 
     def reading_words(self, plan: ProbePlan, index: int) -> str:
         """Such as "x 12.5, y -30 mm (touch 12)"."""
-        # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
         kind = "distance" if plan.distance[index] else "touch"
@@ -595,10 +567,7 @@ class LinearDelta(Machine):
     def synthetic(
         self, plan: ProbePlan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
     ) -> Readings:
-        """With a local shape of the bed of its own."""
-        touched = plan
-        n = len(plan)
-        shape = self.local_shape(plan)
+        touched, n, shape = plan, len(plan), self.local_shape(plan)
         local = shape.columns @ rng.standard_normal(shape.columns.shape[1])
         local += np.sqrt(shape.rest) * rng.standard_normal(n) if shape.rest else 0.0
         for _ in range(_STEPS):
@@ -606,22 +575,17 @@ class LinearDelta(Machine):
             height = plan.surface + predict(touched)
             touched = replace(touched, place=np.column_stack((plan.place[:, :2], height)))
         shown = gauge.shown(height + local + gauge.repeatability_mm * rng.standard_normal(n))
-        value = np.round(shown, 6) - plan.surface
-        lines = np.arange(2, n + 2)
+        value, lines = np.round(shown, 6) - plan.surface, np.arange(2, n + 2)
         source = Source("simulate", "", simulated=True)
         return Readings(touched, value, lines, timed=True, source=source)
 
     def adjusting_cells(self, leg: int, plan: ProbePlan) -> list[PlannedTouch]:
-        """Some of the places that were touched before: the probe can reach them."""
+        """Some of the places that were touched before."""
         touched = np.unique(plan.place[plan.touches, :2].round(DECIMALS) + 0.0, axis=0)
         return [PlannedTouch(x, y) for x, y in touched[_spread(touched, SHOWING)].tolist()]
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[Reason, ProbePlan, float]]:
-        """Blocks under the probe, for each height.
-
-        On a flat bed a frame that is out of square and a bed that is bent read the same; higher up
-        only the effect of the frame changes.
-        """
+        """Blocks under the probe: higher up the effect of the frame changes, not of the bed."""
         touches = np.flatnonzero(plan.touches)
         some = touches[_spread(plan.place[touches, :2], FEW)]
         for height in BLOCKS_MM:
@@ -633,13 +597,11 @@ class LinearDelta(Machine):
             )
 
     def layouts(self) -> tuple[Layout, ...]:
-        """Few places of the bed, or many."""
         places = (mixed(rings(count, REACH * self.bed_radius_mm)) for count in PLACES)
         beds = ((f"{len(at)} places of the bed", at) for at in places)
         return tuple(layout_of(f"bed-{len(at)}", words, [(at, 0.0)]) for words, at in beds)
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
-        """Touches that distinguish skew frame and bent bed."""
         layouts = []
         for some, count in product(RAISED, SPREAD):
             upper = rings(some, REACH * self.bed_radius_mm)
@@ -692,20 +654,18 @@ def rings(count: int, radius: float) -> Floats:
     # Ring k of n has a share of places that grows with k: as many as stand equally close.
     n = max(round((np.sqrt(1.0 + 4.0 * (count - 1) / 3.0) - 1.0) / 2.0), 1)
     shares = np.cumsum(np.arange(1, n + 1)) / (n * (n + 1) / 2.0)
-    ends = np.round((count - 1) * shares).astype(int)
-    places = [np.zeros((1, 2))]
-    for k, (begin, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True), start=1):
-        turn = np.radians(30.0) + 2.0 * np.pi * (np.arange(end - begin) + k / 2.0) / (end - begin)
-        away = radius * k / n
-        places.append(away * np.stack((np.cos(turn), np.sin(turn)), axis=1))
-    return np.asarray(np.round(np.vstack(places), DECIMALS) + 0.0, dtype=np.float64)
+    sizes = np.diff(np.round((count - 1) * shares).astype(int), prepend=0)
+    ring, first = np.repeat(np.arange(1, n + 1), sizes), np.repeat(np.cumsum(sizes) - sizes, sizes)
+    along = (np.arange(count - 1) - first + ring / 2.0) / sizes[ring - 1]
+    turn = np.radians(30.0) + 2.0 * np.pi * along
+    around = radius * ring / n * np.stack((np.cos(turn), np.sin(turn)))
+    return np.asarray(np.round(np.vstack((np.zeros(2), around.T)), DECIMALS) + 0.0)
 
 
 def mixed(places: Floats) -> Floats:
     """The same places, each once, in an order that has little to do with where they are, (m, 2).
 
-    So what drifts with time is taken neither for a tilt nor for a shape, and every place is
-    approached from another side. Row by row, time is the way across the bed.
+    So drift is taken neither for a tilt nor for a shape.
     """
     at = np.unique(places, axis=0)
     return np.asarray(at[np.argsort(np.arange(len(at)) * GOLDEN % 1.0, kind="stable")])

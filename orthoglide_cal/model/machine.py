@@ -1,9 +1,7 @@
 """The machine: what is known of it before it is measured; each kind of machine is a class of it.
 
-Everything that one kind does differently from another is an attribute or a method here: where the
-nominal rails are, how the controller turns a wanted place into joints, which parameters a
-calibration determines, what a gauge reads, how such a machine is measured, and the words for it.
-The rest of the program does not ask which kind it has.
+Everything that one kind does differently from another is an attribute or a method here; the rest
+of the program does not ask which kind it has.
 """
 
 from __future__ import annotations
@@ -60,9 +58,7 @@ def stated_or(value: float | None, usual: float) -> tuple[float, bool]:
 Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (..., n) [mm]
 # A named tuple is a group of keys in the file.
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
-
-
-# A group of keys that nobody changes; it may be empty in the file.
+# A group of keys that may be empty in the file.
 Group = Annotated[
     Mapping[str, T], BeforeValidator(empty), AfterValidator(MappingProxyType), PlainSerializer(dict)
 ]
@@ -134,7 +130,7 @@ class Entered(Schema):
 
 
 class OwnGauge(Schema):
-    """A gauge that belongs to the machine, for reports: its certificate, and when it is due."""
+    """A gauge that belongs to the machine, for reports."""
 
     id: Word
     certificate: Word | None = None
@@ -222,13 +218,12 @@ class Instrument(Schema):
         return {}
 
     def mistaken_unit(self, measured: Measured) -> float | None:
-        """The unit in which it shows readings that cannot be in mm [mm]; None if they can, or if
-        nothing tells."""
+        """The unit of readings that it cannot show in mm [mm]; None if it can, or nothing tells."""
         return None
 
     @property
     def rounding_mm(self) -> float:
-        """Standard deviation q/√12 that the resolution q alone gives to a reading [mm]."""
+        """Standard deviation that the resolution q alone gives to a reading: q/√12 [mm]."""
         return self.resolution_mm / math.sqrt(12.0)
 
     @property
@@ -307,58 +302,52 @@ class Machine(Schema):
     parameter_names: ClassVar[tuple[str, ...]]
     parameter_symbols: ClassVar[tuple[str, ...]]
     parameter_units: ClassVar[tuple[str, ...]]
-    # The largest U with which each counts as determined, in its unit: below what a controller could
-    # ever need.
+    # The largest U with which each counts as determined, in its unit.
     max_reportable_u: ClassVar[tuple[float, ...]] = (math.inf,)
     linearization_points: ClassVar[Floats]  # offsets at which readings are foreseen, (k, p)
     # Ids of two causes that hide behind each other in the usual measurement; or ().
     rivals: ClassVar[tuple[str, ...]] = ()
     shape: ClassVar[str] = ""  # id of the cause that stands for whatever readings of one plane show
-    # Ids of causes for which the controller's value is taken as it stands; the calibrated
-    # parameters make up for its error, and are as uncertain as it is.
+    # Ids of causes for which the controller's value is taken as it stands: its error goes into the
+    # calibrated parameters.
     fixed_parameters: ClassVar[tuple[str, ...]] = ()
-    # A tolerance is a standard deviation, yet some faults are several times as large: scale of the
-    # sizes of a fault → its share.
+    # Some faults are several times their tolerance: scale of the sizes of a fault → its share.
     tolerance_scales: ClassVar[Mapping[float, float]]
-    # Cause id → its usual size, for causes that do not state one for this kind.
+    # Cause id → its usual size, where the cause states none for this kind.
     usual_sizes: ClassVar[Mapping[str, float]] = MappingProxyType({})
     homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set again
     needless_hold: ClassVar[float] = NEEDLESS_HOLD  # loss [min]
-    # Id of a cause that may act together with any other one → what is not claimed with it.
+    # Id of a cause that may act together with any other → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.
     recommended: ClassVar[tuple[str, ...]] = ()
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
-    # Where nothing was measured yet: what to do, the verb of the program, a file as it is usually
-    # called; "" for none.
+    # Where nothing was measured yet: what to do, the verb, a usual file; "" for none.
     first_steps: ClassVar[tuple[tuple[str, str, str], ...]]
     practice_steps: ClassVar[tuple[tuple[str, str, str], ...]]  # in a folder to practise
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
     controller_formats: ClassVar[tuple[str, ...]]  # of its usual controller's file first
     vocabulary: ClassVar[Vocabulary]
-    # What a technician writes down with its readings; where it is missing, pages leave a blank.
+    # What is written down with its readings; where it is missing, pages leave a blank.
     noted: ClassVar[tuple[str, ...]] = ()
-    # In which two of them differ so that they read differently; the rest says what is plausible.
+    # Where two differ in these they read differently; the rest says what is plausible.
     geometry_keys: ClassVar[tuple[str, ...]]
 
     kind: str  # what tells the classes apart in the file
     name: Annotated[Word, ask("Name of the machine", "stands on every report", "")]
     # How far a home switch can plausibly be off; None for what is usual.
     homing_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] | None = None
-    # Cause id → plausible size (one standard deviation, contract's unit), 0 for a cause that is
-    # ruled out; `Cause.size` says what holds for the others.
+    # Cause id → plausible size (one standard deviation, in its unit); 0 rules it out.
     tolerances: Group[Annotated[Number, Field(ge=0.0, le=1e6)]] = Field(
         default_factory=lambda: MappingProxyType({})
     )
     # What its controller corrects of what is wrong with it.
     corrected: Corrections = Field(default_factory=lambda: MappingProxyType({}))
-    # What its reports say besides the numbers, and what was entered, oldest first.
     report: Annotated[Details, BeforeValidator(empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
     history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
-    # It is there to practise: what was simulated may be recorded in its file, and in no other.
-    practice: bool = False
+    practice: bool = False  # its file alone may hold what was simulated
 
     def __hash__(self) -> int:
         return hash((self.kind, self.name, self.active))
@@ -382,10 +371,7 @@ class Machine(Schema):
 
     @classmethod
     def named(cls, names: Sequence[str]) -> dict[str, str]:
-        """Each parameter of a cause → its name on this kind of machine.
-
-        Causes of several kinds count the rails x, y and z; a kind calls them as its joint offsets.
-        """
+        """Each parameter of a cause → its name on this kind, whose rails may not be x, y, z."""
         rails = dict(zip(AXES, cls.parameter_names, strict=False))
         return {name: rails.get(name, name) for name in names}
 
@@ -394,9 +380,9 @@ class Machine(Schema):
         return next((entry for entry in self.history if entry.data_sha256 == sha256), None)
 
     def with_papers(self, owner: Machine) -> Self:
-        """The same with what its owner wrote for reports since, where this lacks it.
+        """The same with what its owner wrote for reports since; nothing from another machine.
 
-        U and due date of a gauge go with its certificate. A file of another machine adds nothing.
+        U and due date of a gauge go with its certificate.
         """
         if (self.name, type(self)) != (owner.name, type(owner)):
             return self
@@ -461,9 +447,8 @@ class Machine(Schema):
     ) -> tuple[Plan, Floats]:
         """Readings of several dates as if all were taken with the settings in force on the last.
 
-        `slope` gives their derivatives by the calibrated parameters, (n, p). Returns a plan whose
-        parameters have values of their own on each date, and the readings, (n,) [mm]. Raises
-        UsageError for what cannot be joined.
+        `slope` gives their derivatives by the calibrated parameters, (n, p). Returns a plan with
+        parameters of each date, and the readings, (n,) [mm]. Raises UsageError: not to be joined.
         """
         fault = "--together is for touches of one printer's bed on several dates."
         raise UsageError(fault, "Leave it out: each file is then judged alone.")
@@ -475,7 +460,7 @@ class Machine(Schema):
 
     @property
     def doubted(self) -> Mapping[str, float]:
-        """Id of a cause → its size by the controller's own values, which can hardly be right."""
+        """Id of a cause → its size by values of the controller that can hardly be right."""
         return MappingProxyType({})
 
     @property
@@ -533,10 +518,7 @@ class Machine(Schema):
         """One reading of a plan in words."""
 
     def differing(self, after: Machine) -> tuple[str, ...]:
-        """Which settings the controller of the same machine has otherwise later, in words.
-
-        It was homed again with them: what the real ones exceed them by is then unknown again.
-        """
+        """Settings that the controller of the same machine has otherwise later, in words."""
         return ()
 
     def bar_warning(self, plan: AnyPlan) -> Suspicion | None:
@@ -558,20 +540,16 @@ class Machine(Schema):
         return self.decimals or entered_decimals(expanded, self.active)
 
     def judging(self, then: Machine) -> Machine:
-        """The machine by which readings are judged that were taken when it was as `then`.
-
-        Itself, where postures say where the carriages stood.
-        """
+        """The machine by which to judge readings that were taken when it was as `then`: itself,
+        where postures say where the carriages stood."""
         return self
 
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that calibration cannot make of this one."""
 
     def adjusting_cells(self, leg: int, plan: AnyPlan) -> Sequence[AnyCell]:
-        """Readings among which one shows best how a part of this leg is pushed; none by default.
-
-        The plan is of what was measured before.
-        """
+        """Readings, none by default, among which one shows best how a part of this leg is pushed;
+        the plan is of what was measured before."""
         return ()
 
     def further(self, plan: AnyPlan) -> Iterator[tuple[Reason, Plan, float]]:

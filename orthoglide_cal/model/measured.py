@@ -55,7 +55,7 @@ DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Excerpt:
-    """Which of several measurements that a file stores was read."""
+    """What was read of a file that stores several measurements."""
 
     data: str  # its name: "calibration" or "mesh"
     words: str  # how much of what
@@ -115,14 +115,14 @@ class Readings(ReadOnly):
 
     @property
     def weight(self) -> Floats:
-        """How much an error of each counts in a root mean square compared to a common one, (n,)."""
+        """Weight of an error of each in a root mean square, shape (n,)."""
         return self.plan.precision
 
     def __len__(self) -> int:
         return len(self.plan)
 
     def subset(self, chosen: Bools) -> Self:
-        """The values of some of them."""
+        """The plan and values of some of them."""
         plan, value, line = self.plan.subset(chosen), self.value[chosen], self.line[chosen]
         return type(self)(plan, value, line, self.timed, self.source)
 
@@ -139,12 +139,10 @@ class Differences(ReadOnly):
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
-        """Themselves, and of twelve also six."""
         return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
 
     @property
     def weight(self) -> Floats:
-        """All alike, shape (k,)."""
         return np.ones(len(self))
 
     def __len__(self) -> int:

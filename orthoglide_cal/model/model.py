@@ -7,11 +7,8 @@ A reading is made in four stages, and whatever is wrong with it acts in exactly 
     contact    what the gauge touches                  Table 2, eqs. (18)–(24)
     record     what was written down
 
-A cause is such a fault. Bound to values it is an `Effect`, from the fit that finds it to the
-machine file that keeps it and back.
-
-Predicted readings are those of gauges whose zero is the frame's origin; each real gauge adds
-its own unknown zero, which the estimation removes.
+A cause is such a fault; bound to values it is an `Effect`. Predicted readings are those of gauges
+whose zero is the frame's origin; each real one adds an unknown zero, which the estimation removes.
 """
 
 from __future__ import annotations
@@ -84,16 +81,15 @@ class Cause:
     stage: Stage  # that whose method it overrides
     unit: str  # of its parameters and of its size in the machine file
     # Kind of machine → plausible size of a parameter (one standard deviation, in `unit`) where the
-    # machine file gives none; of another kind its class says it, or it does not happen there.
+    # machine file gives none; see `Machine.usual_sizes`.
     sizes: Mapping[type[Machine], float] = MappingProxyType({})
     scale: float = 1.0  # one unit in internal units (mm, rad, mm/h, 1)
     names: tuple[str, ...] = ()  # of its parameters
-    # Plausible sizes of further parameters, not reported, behind the named ones.
+    # Of further parameters, not reported: their plausible sizes, in sizes of the cause.
     nuisance: tuple[float, ...] = ()
-    # Plausible sizes of the named parameters, in sizes of the cause; a fit chooses one of these.
+    # The same of the named parameters; a fit chooses one of these.
     shares: tuple[tuple[float, ...], ...] = ()
-    # Sizes that it can take where they are whole numbers → how plausible each is; empty for a size
-    # of any value.
+    # Sizes that are whole numbers → how plausible each is; empty for a size of any value.
     counts: Mapping[int, float] = MappingProxyType({})
     positive: bool = False  # its parameters cannot be negative
     placed: bool = False  # it acts at one of its places, not on the whole machine
@@ -133,7 +129,7 @@ class Cause:
         return math.hypot(stated, machine.doubted.get(self.id, 0.0)) if stated > 0.0 else stated
 
     def assumed(self, machine: Machine) -> bool:
-        """True if that size is the default of its kind: the machine file gives none."""
+        """True if that size is the default of its kind."""
         return self.usual(machine) is not None and self.id not in machine.tolerances
 
     def possible(self, machine: Machine) -> bool:
@@ -154,7 +150,7 @@ class Cause:
         return any(map(self.adjustment, self.names))
 
     def admissible(self, value: float) -> float:
-        """The nearest value that a parameter can have: a width is not negative."""
+        """The nearest value that a parameter can have."""
         return max(value, 0.0) if self.positive else value
 
     @property
@@ -164,7 +160,7 @@ class Cause:
 
     @property
     def fix_order(self) -> tuple[bool, bool]:
-        """Sort key of what to fix first: the record, then the contact, then the machine."""
+        """Sort key: the record is fixed first, then the contact, then the machine."""
         return self.stage is not Stage.RECORD, self.in_machine
 
     @property
@@ -256,7 +252,7 @@ class Cause:
     def estimated(self, estimates: Mapping[str, Estimate], correlation: Floats) -> Effect:
         """The effect of estimated parameters by name, in the unit; the others are zero and sure.
 
-        `correlation` is that of the parameters in the order of `estimates`, shape (p, p).
+        `correlation` is in the order of `estimates`, shape (p, p).
         """
         rows = [self.names.index(name) for name in estimates]
         theta, covariance = np.zeros(self.unknowns), np.zeros((self.unknowns,) * 2)
@@ -266,10 +262,8 @@ class Cause:
         return Effect(self, theta, covariance=covariance * self.scale**2)
 
     def correcting(self, machine: Machine, values: Mapping[str, float]) -> Effect:
-        """Effect of a controller that corrects parameters of these values, in the unit.
-
-        By the names that they have on this machine.
-        """
+        """Effect of a controller that corrects parameters of these values, in the unit, by the
+        names that they have on this machine."""
         theta = np.zeros(self.unknowns)
         named = machine.named(self.names).values()
         theta[: len(self.names)] = [0.0 - values.get(name, 0.0) for name in named]
@@ -290,8 +284,7 @@ class Cause:
     def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
         """Joint corrections, moving + and moving -, that cancel it, shape (2, n, 3) [mm].
 
-        At positions (n,) of each carriage, for one that acts by joint; `home` is the joint position
-        from which travel counts.
+        At positions (n,) of each carriage, for one that acts by joint; `home` as in `Command`.
         """
         return np.zeros((2, len(joints), 3))
 
@@ -331,10 +324,7 @@ class Effect(ReadOnly):
         return np.sqrt(np.diag(self.covariance))
 
     def times(self, machine: Machine) -> float:
-        """The largest of its named parameters, of theta (p,), by its plausible size.
-
-        0 where no size is usual.
-        """
+        """The largest of its named parameters, of theta (p,), in plausible sizes; 0 without one."""
         named = self.theta[: len(self.cause.names)]
         size = self.cause.scale * self.cause.size(machine)
         usual = size and not self.cause.any_size
@@ -365,7 +355,7 @@ class Effect(ReadOnly):
         return matrix
 
     def accepted(self, date: str, data_sha256: str) -> Effect:
-        """The same, as part of the machine from this day on; where it started is forgotten."""
+        """The same as part of the machine from this day on, without nuisance parameters."""
         named = np.arange(self.theta.size) < len(self.cause.names)
         spread = None if self.covariance is None else self.covariance * np.outer(named, named)
         theta = np.array([self.cause.admissible(v) for v in self.theta.tolist()]) * named
@@ -405,18 +395,14 @@ class Model:
     def correcting(self, corrected: Corrections) -> Model:
         """The model with these corrections in force in the controller of its machine.
 
-        What of an accepted cause the controller corrects acts on the joints with opposite sign.
-        Where a cause is not accepted, the correction is taken to remove it.
+        They act with opposite sign on accepted causes, and are taken to remove any other.
         """
-        accepted = tuple(effect for effect in self.accepted if not effect.corrects)
+        accepted = [effect for effect in self.accepted if not effect.corrects]
         known = {effect.cause.id: effect.cause for effect in accepted}
-        opposite = tuple(
-            cause.correcting(self.machine, corrected[id])
-            for id, cause in known.items()
-            if id in corrected
-        )
+        ids = (id for id in known if id in corrected)
+        accepted += [known[id].correcting(self.machine, corrected[id]) for id in ids]
         machine = self.machine.changed(corrected=corrected)
-        return replace(self, machine=machine, accepted=accepted + opposite)
+        return replace(self, machine=machine, accepted=tuple(accepted))
 
     def accepting(self, effect: Effect) -> Model:
         """The model with a cause of which readings showed what its controller leaves."""
@@ -434,10 +420,9 @@ class Model:
         """The accepted causes, less what the controller corrects of them; one effect each."""
         left: dict[str, Effect] = {}
         for effect in self.accepted:
-            known = left.get(effect.cause.id)
-            left[effect.cause.id] = (
-                replace(known, theta=known.theta + effect.theta) if known else effect
-            )
+            first = left.setdefault(effect.cause.id, effect)
+            if first is not effect:
+                left[effect.cause.id] = replace(first, theta=first.theta + effect.theta)
         return tuple(left.values())
 
     def judging(self, then: Model) -> Model:
@@ -476,9 +461,8 @@ AT_ONCE = 1 << 16
 def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
     """Predicted readings, (..., n) [mm], for joint offsets Δρ, (..., 3) [mm] (Table 2, errata).
 
-    The gauge zeros are at the origin of the frame. Leading axes of the parameters of the model's
-    causes broadcast with those of the offsets: many machines in one call. Raises PostureError: this
-    machine cannot take a posture.
+    Leading axes of the parameters of the model's causes broadcast with those of the offsets: many
+    machines in one call. Raises PostureError: this machine cannot take a posture.
     """
     return _simulate(model, np.asarray(offsets), plan, strict=True)[0]
 
@@ -510,9 +494,8 @@ def differentiate(
     """Readings (..., n) [mm], and their exact derivatives by offsets and parameters, (..., n, q).
 
     At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
-    ones than those of the model. In closed form where nothing but the motion of the carriages
-    depends on them. Else in one simulation of many machines: the point, then a complex step in
-    each unknown in turn. Unless it is `strict`, the readings of what is unreachable are NaN.
+    ones than those of the model. In closed form where only the motion of the carriages depends on
+    them, else by complex steps. Unless it is `strict`, readings of what is unreachable are NaN.
     """
     known, jacobian = model.extended(effects) if effects else model, None
     if all(effect.cause.stage is Stage.MOTION for effect in effects):
@@ -540,8 +523,7 @@ def differentiate(
     some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
     every = []
     for start in range(0, len(steps), some):
-        # Real NaN divides in silence, complex NaN does not.
-        with np.errstate(invalid="warn" if strict else "ignore"):
+        with np.errstate(invalid="ignore"):  # real NaN divides in silence, complex NaN does not
             moving, at = stepped(steps[start : start + some])
             every.append(_simulate(moving, at, plan, strict)[0])
     readings = np.concatenate(every)
@@ -553,11 +535,10 @@ def differentiate_absent(
 ) -> tuple[Floats, list[Floats]]:
     """Readings (..., n) [mm], and their derivatives where `causes` are not there.
 
-    At offsets Δρ (..., 3) [mm]: the derivatives by these, (..., n, 3), then those by the p
-    parameters of each cause, (..., n, p).
+    By offsets Δρ (..., 3) [mm], (..., n, 3), then by the p parameters of each cause, (..., n, p).
     """
     slopes: dict[Cause, Floats] = {}
-    # Apart from those that move the carriages: without these, readings at one posture are equal.
+    # Without those that move the carriages, readings at one posture are equal.
     for moving in (True, False):
         some = [cause for cause in causes if (cause.stage is Stage.MOTION) == moving]
         if some or not moving:

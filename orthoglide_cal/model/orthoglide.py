@@ -1,8 +1,7 @@
 """The Orthoglide: three orthogonal rails, gauges that touch the legs, two measuring protocols.
 
-Its joint offsets are what a calibration determines. A protocol says which readings are taken, in
-which order. What the paper makes of them is a difference: the mean of some readings minus the mean
-of others of the same gauge set-up, d = R·readings with a matrix R of shape (k, n); zeros vanish.
+What the paper makes of readings is a difference: the mean of some minus the mean of others of the
+same gauge set-up, d = R·readings with a matrix R of shape (k, n); zeros vanish.
 """
 
 import functools
@@ -20,6 +19,7 @@ from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 from orthoglide_cal.errors import InputError, PostureError, UsageError, command
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
 from orthoglide_cal.model.kinematics import (
+    UNREACHED,
     ByUnknowns,
     Command,
     GaugeResponse,
@@ -56,8 +56,7 @@ MINUTES_PER_POSTURE = 0.4
 MINUTES_PER_SETUP = 4.0
 # The plunger keeps this share of the leg from both joints: forks, bolts and the stand's arm.
 MARGIN = 0.1
-# Gauge places and limits are given in steps of this share of the leg.
-PLACE_STEP = 0.05
+PLACE_STEP = 0.05  # of gauge places, as a share of the leg
 ROUNDING = 1e-9
 POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
 HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
@@ -104,8 +103,8 @@ class Orthoglide(Machine):
     practice_steps = (("Practise without a machine", "measure --gauge simulated", ""),)
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
-    # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
-    # bar skewed by three of them would be taken for a smaller skew together with a second fault.
+    # One fault in five is several times as large as its tolerance: at that alone a bar skewed by
+    # three of them would be taken for a smaller skew together with a second fault.
     tolerance_scales: ClassVar[Mapping[float, float]] = MappingProxyType(
         {1.0: 0.8, 3.0: 0.17, 30.0: 0.03}
     )
@@ -227,9 +226,8 @@ class Orthoglide(Machine):
     def cube(self) -> tuple[float, float]:
         """The cube within the joint limits, no larger than the workspace.
 
-        The limits are displacements of the carriages: p_i + √(L² − p_j² − p_k²) − L. The largest is
-        at the middle of the upper face; the smallest at the corner (low, ±m, ±m), m the larger of
-        |low| and high: low + √(L² − 2 m²) − L.
+        A carriage is displaced by p_i + √(L² − p_j² − p_k²) − L: most at the middle of the upper
+        face, least at the corner (low, ±m, ±m), m the larger of |low| and high.
         """
         low_limit, high_limit = self.joint_limits_mm
         length = self.leg_length_mm
@@ -246,9 +244,8 @@ class Orthoglide(Machine):
     def reach_mm(self, gauge_at: float) -> tuple[float, float]:
         """Lowest and highest displacement within the limits at which the plunger keeps `MARGIN`.
 
-        A carriage displaced by d takes its leg along under the gauge, which stands fixed in space:
-        the plunger then touches the bar at gauge_at + d/L (sec. 2.5). The isotropic posture is
-        always within reach: there the gauge was set up.
+        The plunger touches the bar of a leg displaced by d at gauge_at + d/L (sec. 2.5). The
+        isotropic posture, where the gauge was set up, is always within reach.
         """
         low, high = self.joint_limits_mm
         near, far = ((at - gauge_at) * self.leg_length_mm for at in (MARGIN, 1.0 - MARGIN))
@@ -256,7 +253,7 @@ class Orthoglide(Machine):
 
     @property
     def gauge_places(self) -> tuple[float, ...]:
-        """The places farthest along the leg where the plunger stays on the bar over all travel.
+        """Outermost places along the leg where the plunger stays on the bar over all travel.
 
         Nearest to the carriage first; none if the travel is too long.
         """
@@ -268,7 +265,7 @@ class Orthoglide(Machine):
         return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}))
 
     def adjusting_cells(self, leg: int, plan: GaugePlan) -> list["PlannedReading"]:
-        """All that gauges on this leg can read at the named postures, the plunger on the bar."""
+        """All that gauges on this leg can read at the named postures."""
         places = dict.fromkeys((0.5, *self.gauge_places))
         moves = [self.displacement_mm(posture) for posture in POSTURES]
         return [
@@ -305,7 +302,7 @@ class Orthoglide(Machine):
         return Suspicion(fault, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
-        """Where the carriages are sent; raises PostureError for a posture out of reach."""
+        """Where the carriages are sent; errors as of `joints_at`."""
         return _command(self, plan)
 
     def sensed(
@@ -318,24 +315,22 @@ class Orthoglide(Machine):
             joints: Numbers = command.sent[first] + parameters[..., None, :]
         else:
             joints, moment = real.joints(command, parameters), np.arange(len(plan))
-        # Behind them where the carriages stood when gauges were set up: at the isotropic posture,
-        # with what was entered then.
+        # Behind them the isotropic posture with what was entered when gauges were set up.
         stood, which = plan.set_up_moments
         set_up = command.home - stood + parameters[..., None, :]
         if set_up.shape[:-2] != joints.shape[:-2]:
             set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
         moments = moment, joints.shape[-2] + which
         joints = np.concatenate((joints, set_up), axis=-2)
-        try:
-            points = Points.of(real.geometry, joints, strict)
-        except PostureError as error:
-            failed = np.isnan(Points.of(real.geometry, joints, strict=False).tool[0])
+        points = Points.of(real.geometry, joints)
+        if strict and np.isnan(points.tool).any():
+            failed = np.isnan(points.tool[0])
             bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
             named = "Isotropic posture"
             if bad.size:
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
-            raise PostureError(f"{named}: {error.what}", error.remedy) from error
+            raise PostureError(f"{named}: {UNREACHED[0]}", UNREACHED[1])
         return _touched(points, plan, command, *moments)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
@@ -398,9 +393,9 @@ def _touched(
     """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
     When each reading was taken and when its gauge was set up are moments of the points, (n,); only
-    the offsets move the latter. The derivative is in closed form: d carriage = u_i dq_i, d tool =
-    (∂p/∂q) dq, and d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge
-    is not fixed. In place: fresh memory for such long arrays costs more than the arithmetic.
+    the offsets move the latter. In closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and
+    d fraction = (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed.
+    In place: fresh memory for such long arrays costs more than the arithmetic.
     """
     leg, direction = plan.leg, plan.direction
     column = (-1, *[1] * (points.tool.ndim - 2))
@@ -456,18 +451,31 @@ class PlannedReading(NamedTuple):
     entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
 
     @staticmethod
-    def planned(cells: Sequence["PlannedReading"]) -> GaugePlan:
-        """The plan of such readings in time order."""
-        return plan_of(cells)
+    def planned(readings: Sequence["PlannedReading"], **known: Numbers) -> GaugePlan:
+        """The plan of readings in time order, at no time at all, with one set-up for each place.
+
+        Order, hours and set-ups (n,) are those that are `known` instead.
+        """
+        given = {
+            name: np.array([getattr(reading, name) for reading in readings])
+            for name in PlannedReading._fields
+        }
+        entered, at = given.pop("entered").reshape(-1, 3), given["contact"] == Contact.TOOL
+        order = np.arange(len(readings))
+        given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
+        if "setup" not in known:
+            places = np.reshape([reading.place for reading in readings], (-1, 5))
+            known["setup"] = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+        given |= {"order": order, "hours": 0.0 * order, "entered": entered, **known}
+        return GaugePlan(**given)
 
     @property
     def series(self) -> Series:
-        """Leg and direction."""
         return Series(self.leg, self.direction)
 
     @property
     def ways(self) -> tuple[str, str]:
-        """In which a bar is pushed for more, and for less on the gauge."""
+        """Ways to push a bar for more, and for less on the gauge."""
         axis = AXES[self.direction].upper()
         return f"towards +{axis}", f"towards -{axis}"
 
@@ -480,29 +488,13 @@ class PlannedReading(NamedTuple):
     def place(self) -> tuple[float, ...]:
         """Where its gauge stands: (part, leg, direction, place along the leg, bar turned).
 
-        Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it
-        was while its bar is turned.
+        Both ends of a leg share a zero. No plunger stays where it was while its bar is turned.
         """
         at = self.gauge_at if self.contact == Contact.FIXED else -1.0
         return self.part, self.leg, self.direction, at, self.turned
 
 
-def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
-    """The plan of readings in time order, at no time at all, with one set-up for each place.
-
-    Order, hours and set-ups (n,) are those that are `known` instead.
-    """
-    given = {
-        name: np.array([getattr(reading, name) for reading in readings])
-        for name in PlannedReading._fields
-    }
-    entered, at = given.pop("entered").reshape(-1, 3), given["contact"] == Contact.TOOL
-    order = np.arange(len(readings))
-    given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
-    if "setup" not in known:
-        places = np.reshape([reading.place for reading in readings], (-1, 5))
-        known["setup"] = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
-    return GaugePlan(**{**given, "order": order, "hours": 0.0 * order, "entered": entered, **known})
+plan_of = PlannedReading.planned
 
 
 def planned_readings(plan: Plan) -> list[PlannedReading]:
@@ -532,27 +524,18 @@ def double_posture(
 ) -> GaugePlan:
     """Iso → Max → Min, repeated, for the x-, y- and z-leg in turn (sec. 3.3, 4.1).
 
-    Two gauges stand at mid-leg, fixed in space; the leg moves under them. The plan has
-    6·(len(postures)·cycles + closing) readings in time order.
-
-    Args:
-        machine: its joint limits are the Max and Min postures.
-        cycles: repeats of the postures on each leg, at least 1.
-        closing: take a last isotropic reading on each leg; it shows drift and knocks.
-        postures: of one cycle.
-        gauge_at: place of the gauges along the leg at the isotropic posture.
+    Two gauges, fixed in space, stand at `gauge_at` along the leg at the isotropic posture. The plan
+    has 6·(len(postures)·cycles + closing) readings in time order: a `closing` isotropic one on each
+    leg shows drift and knocks.
     """
-    visited = list(postures) * cycles + ([Posture.ISO] if closing else [])
+    visited = [*postures] * cycles + [Posture.ISO] * closing
     return visiting([machine.displacement_mm(posture) for posture in visited], gauge_at)
 
 
 def visiting(
     displacements: Sequence[float], gauge_at: float = 0.5, legs: Sequence[int] = (0, 1, 2)
 ) -> GaugePlan:
-    """The same displacements [mm] of one leg after the other, two gauges next to each other.
-
-    The plan has two readings for each of them in time order; `gauge_at` as of `double_posture`.
-    """
+    """The same displacements [mm] of one leg after the other, read by two gauges."""
     readings = [
         PlannedReading(leg, direction, moved, Contact.FIXED, gauge_at)
         for leg, moved in product(legs, displacements)
@@ -564,9 +547,8 @@ def visiting(
 def single_posture(machine: Machine, cycles: int = 1, closing: bool = False) -> GaugePlan:
     """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
 
-    The height of both leg ends above the base, at the same posture (sec. 3.2); arguments as of
-    `double_posture`. The plan has 12·cycles readings in time order, 4 more if closed, and one
-    gauge zero per leg.
+    The height of both leg ends above the base, at the same posture (sec. 3.2). The plan has
+    12·cycles readings in time order, 4 more if closed, and one gauge zero per leg.
     """
     visited = (*POSTURES * cycles, *[Posture.ISO] * closing)
     readings = [
@@ -583,8 +565,8 @@ def reduction(
     """R, shape (k, n), so that R·readings are these differences, of the machine as it was found.
 
     Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10). Repeats
-    are averaged within a gauge set-up, then over the set-ups that hold both cells. A row is all
-    zero where the plan lacks one of the cells.
+    are averaged within a gauge set-up, then over those that hold both cells; where there is none, a
+    row is zero.
     """
     plan = GaugePlan.require(plan)
     # Something was entered, then or when their gauge was set up, or a bar was turned.

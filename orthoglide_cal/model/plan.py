@@ -36,7 +36,7 @@ def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
 
 
 def altered(value: T, **fields: object) -> T:
-    """A copy with other fields, on which nothing depends that was worked out of it and is kept."""
+    """A copy with other fields, on which nothing that it has worked out depends."""
     other = object.__new__(type(value))
     vars(other).update(vars(value) | fields)
     return other
@@ -54,10 +54,7 @@ def of_steps(work: Callable[[PlanT], T]) -> cached_property[T]:
 
 
 class ReadOnly:
-    """Base of frozen dataclasses that hold arrays: each is replaced by a read-only copy.
-
-    One that owns its numbers and can no longer be written to is kept.
-    """
+    """Base of frozen dataclasses: arrays that somebody could write to are replaced by copies."""
 
     def __post_init__(self) -> None:
         for name, given in list(vars(self).items()):
@@ -71,20 +68,18 @@ _DTYPES: Mapping[object, type] = MappingProxyType({Floats: float, Ints: np.intp,
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Plan(ABC):
-    """Readings to be taken, of whatever kind; every array is read-only, of shape (n, ...).
+    """Readings to be taken; every array is read-only, of shape (n, ...).
 
-    What is given once for all readings is repeated for each. A kind of machine adds where each
-    reading is taken.
+    What is given once for all readings is repeated for each.
     """
 
     order: Ints  # rank in time; equal only for readings that are never compared in time, (n,)
     hours: Floats  # since the session began, (n,) [h]
-    # Readings of one sitting, 0 …, (n,): between parts the gauges are set up, and numbered, again.
-    # A fault of the measurement is one of a part.
+    # Sitting, 0 …, (n,): between parts the gauges are set up, and numbered, again.
     part: Ints = field(default_factory=lambda: read_only(0, np.intp))
     # On which day, 0 …, each is taken, (n,).
     date: Ints = field(default_factory=lambda: read_only(0, np.intp))
-    # How precise each is compared to a common one: ratio of the standard deviations, (n,).
+    # Standard deviation of a common reading divided by that of each, (n,).
     precision: Floats = field(default_factory=lambda: read_only(1.0))
 
     # Length of a row of the arrays that have more than one number for each reading.
@@ -124,7 +119,7 @@ class Plan(ABC):
 
     @cached_property
     def steps(self) -> Self:
-        """The same readings, whenever they were taken: one plan for all sessions of these steps."""
+        """The same readings at no time: one plan for all sessions of these steps."""
         unhurried = replace(self, hours=np.zeros(len(self))) if self.hours.any() else self
         steps: Self = known_plan(unhurried)
         return steps
@@ -135,7 +130,7 @@ class Plan(ABC):
         return int(self.part.max()) + 1 if len(self) else 0
 
     def part_words(self, part: int) -> str:
-        """Which part of it, where it has several: ", part 2"."""
+        """Such as ", part 2", where it has several."""
         return f", part {part + 1}" if self.parts > 1 else ""
 
     @of_steps
@@ -150,7 +145,7 @@ class Plan(ABC):
 
     @property
     def flat(self) -> bool:
-        """True if they show a shape, and not what makes it; not by default."""
+        """True if they show a shape but not its reason; not by default."""
         return False
 
     @property
@@ -186,7 +181,7 @@ class Plan(ABC):
     @property
     @abstractmethod
     def shared(self) -> Ints:
-        """Number, from 0, of what creeps or is knocked together with each reading, shape (n,)."""
+        """Number, from 0, of what creeps or is knocked with each reading, shape (n,)."""
 
     @of_steps
     def sequence(self) -> tuple[Ints, Bools]:
@@ -212,7 +207,7 @@ class Plan(ABC):
 
     @property
     def last_travel(self) -> Ints:
-        """The last readings, from which the carriages go to the next one, in time order."""
+        """The last readings, in time order, on the way to the next one."""
         return self.in_time[-1:]
 
     def subset(self, chosen: Ints | Bools) -> Self:
@@ -237,10 +232,8 @@ class Plan(ABC):
         return read_only(self.shared == np.unique(self.shared)[:, None], np.bool_)
 
     def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
-        """Readings at which a pattern may act, (n,), narrow ones before those that hold them.
-
-        Where the order in time is not known, `ordered`, only all of them.
-        """
+        """Readings at which a pattern may act, (n,), narrow ones before those that hold them; only
+        all of them unless they are `ordered` in time."""
         yield {}, np.full(len(self), True)
 
 
@@ -259,16 +252,13 @@ def alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
 
 # --- patterns that readings may hold: they cost as much as the readings -----------------------
 
-# So many numbers of a pattern are worked off at a time.
-AT_ONCE = 1 << 18
+AT_ONCE = 1 << 18  # numbers of a pattern that are worked off at a time
 
 
 @dataclass(frozen=True, eq=False)
 class Patterns(ReadOnly):
-    """Columns of unit size, shape (n, P): a reading, or all from one on that share what it does.
-
-    Others are written out; they come last.
-    """
+    """Columns of unit size, (n, P): a reading, or all from one on that share what it does; last
+    those that are written out."""
 
     plan: Plan
     reading: Ints  # of each of the first columns, shape (p,)

@@ -34,8 +34,7 @@ class Series(NamedTuple):
 
 def other_axes(leg: int) -> tuple[int, int]:
     """The two directions in which the deviation of a leg can be read, in the paper's order."""
-    first, second = (k for k in range(3) if k != leg)
-    return first, second
+    return ((1, 2), (0, 2), (0, 1))[leg]
 
 
 class Posture(StrEnum):
@@ -61,20 +60,16 @@ class Contact(IntEnum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaugePlan(Plan):
-    """Readings of gauges that touch the legs; arrays have shape (n,), entered (n, 3).
-
-    What has a default may also be given once for all of them.
-    """
+    """Readings of gauges that touch the legs; arrays have shape (n,), entered (n, 3)."""
 
     leg: Ints  # 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced
     direction: Ints  # 0, 1, 2: the axis along which the gauge measures
     displacement: Floats  # of the leg's own carriage from the isotropic posture [mm]
     contact: Ints  # values of `Contact`
-    # Where along the leg the gauge stood at the isotropic posture, from the carriage joint (0) to
-    # the tool centre point (1).
+    # Along the leg at the isotropic posture, from the carriage joint (0) to the tool (1).
     gauge_at: Floats
     setup: Ints  # 0 … k−1; readings of one set-up share one unknown gauge zero
-    # The touched bar was turned half round its own axis.
+    # Bars that were turned half round their own axis.
     turned: Bools = field(default_factory=lambda: read_only(False, np.bool_))
     # In the controller since the first reading [mm]: the offsets then are Δρ − entered.
     entered: Floats = field(default_factory=lambda: read_only(np.zeros(3)))
@@ -87,27 +82,18 @@ class GaugePlan(Plan):
 
     @cached_property
     def standing(self) -> Bools:
-        """Readings by gauges on stands that were not moved since, shape (n,).
-
-        Those on the leg that was read last, in its part: from there they go to the next.
-        """
+        """Readings by gauges on stands that were not moved since: of the leg read last, (n,)."""
         last = self.in_time[-1:]
         here = (self.leg == self.leg[last]) & (self.part == self.part[last])
         return read_only(here & (self.contact == Contact.FIXED), np.bool_)
 
     @of_steps
     def stood(self) -> Floats:
-        """Offsets in force when each reading's gauge was set up, shape (n, 3) [mm].
-
-        That is when the first reading of its set-up was taken: a stand does not follow a leg that
-        is moved by what is entered later.
-        """
-        _, first, setup = np.unique(
-            self.setup[self.in_time], return_index=True, return_inverse=True
-        )
-        stood = np.empty_like(self.entered)
-        stood[self.in_time] = self.entered[self.in_time][first][setup.reshape(-1)]
-        return read_only(stood)
+        """Offsets in force at the first reading of each set-up, shape (n, 3) [mm]: a stand does not
+        follow what is entered later."""
+        numbers, first = np.unique(self.setup[self.in_time], return_index=True)
+        stood = self.entered[self.in_time[first]]
+        return read_only(stood[np.searchsorted(numbers, self.setup)])
 
     @of_steps
     def zeros(self) -> Floats:
@@ -150,7 +136,7 @@ class GaugePlan(Plan):
         return alike(self.setup, *where, *self.state)[1]
 
     def subset(self, chosen: Ints | Bools) -> Self:
-        """As of any plan; set-ups are renumbered, and begin at their first chosen reading."""
+        """As of any plan; set-ups are renumbered."""
         part = super().subset(chosen)
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
 
@@ -211,9 +197,8 @@ def number_setups(
 ) -> Ints:
     """Number the gauge set-ups, 0 … k−1 by first use, shape (n,): one unknown zero each.
 
-    A gauge that stays in its place keeps its zero. A gauge known by its label that was used
-    elsewhere and comes back has been set up again: its zero is another one. That can only be said
-    where the file states the order in time.
+    A gauge that stays in its place keeps its zero; one known by its label that was used elsewhere
+    in between, where the order in time is stated, was set up again.
 
     Args:
         places: where each reading's gauge stood, as in `PlannedReading.place`.

@@ -1,11 +1,8 @@
 """How far the tool is from where the controller believes it to be, and how to compensate that.
 
-The controller commands ρ = inverse kinematics of p on the nominal machine. The tool really goes
-to p' = direct kinematics of the real machine at ρ + Δρ.
-
-    before: |p' − p| with the identified offsets (and accepted causes)
-    after:  |p' − p| with the offsets entered, plus k·u of the tool position that their
-            uncertainty leaves: an upper bound
+The controller commands ρ = inverse kinematics of p on the nominal machine; the tool goes to p' =
+direct kinematics of the real one at ρ + Δρ. The error is |p' − p|; after the offsets are entered,
+with k·u of the tool position that their uncertainty leaves: an upper bound.
 """
 
 import functools
@@ -39,17 +36,15 @@ class Workspace(Schema):
 
 @functools.lru_cache(maxsize=4)
 def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
-    """All of n points along each edge of the reachable cube, x fastest, (n³, 3) [mm].
-
-    And where the controller sends the carriages for them, (n³, 3) [mm].
-    """
+    """A grid of the cube, n points along each edge, x fastest, and the joints that the controller
+    has for them, both (n³, 3) [mm]."""
     axis = np.linspace(*model.machine.cube, points)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij")[::-1], axis=-1).reshape(-1, 3)
     return read_only(grid), read_only(model.machine.nominal_rails.joints_for(grid))
 
 
 def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
-    """Where carriages that have not moved yet stand when sent to `indicated` (n, 3) [mm]."""
+    """Joints of carriages that have not moved yet, sent to `indicated`, both (n, 3) [mm]."""
     nothing = np.zeros(indicated.shape)
     command = Command(indicated, model.machine.home_mm, nothing[:, 0], nothing, nothing)
     return np.asarray(model.real.joints(command, offsets))
@@ -71,11 +66,8 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
 
 
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
-    """How far the tool is off once the offsets are entered, over the cube, each (n,) [mm].
-
-    What the causes alone leave of it, and that with k·u of the tool position; arguments and errors
-    as of `workspace_error`.
-    """
+    """How far the tool is off once the offsets are entered, over the cube, each (n,) [mm]: by the
+    causes alone, and with k·u; arguments and errors as of `workspace_error`."""
     left, square = _corrected(model)
     return left, left + k * np.sqrt(square @ covariance.reshape(-1))
 
@@ -107,12 +99,10 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
 def compensation(model: Model, points: int = 7) -> Floats:
     """Joint corrections over the workspace, for causes accepted for a machine; shape (n, 6) [mm].
 
-    With causes no set of three offsets puts the tool right everywhere. At each tool position p of
-    a grid, with `points` along each edge, the correction is ρ* − ρ_nominal(p), where ρ* are the
-    indicated joints that really put the tool at p with the offsets entered in the controller.
+    At each tool position p of a grid, with `points` along each edge: ρ* − ρ_nominal(p), where ρ*
+    are the indicated joints that really put the tool at p once the offsets are entered.
 
-    Raises UsageError: no accepted cause can be compensated; PostureError: a leg is too short for a
-    point.
+    Raises UsageError: no accepted cause can be compensated; PostureError: a leg is too short.
     """
     chosen = tuple(effect for effect in model.remaining() if effect.cause.compensable)
     if not chosen:
@@ -120,8 +110,7 @@ def compensation(model: Model, points: int = 7) -> Floats:
         raise UsageError(fault, "Accept one first, with diagnose and its option --accept.")
     grid, nominal = _grid(model, points)
     known = Model(model.machine, chosen)
-    # Indicated joints that really put the tool there. Causes of the motion are nearly the identity,
-    # so that a fixed-point iteration converges.
+    # Causes of the motion are nearly the identity, so that a fixed-point iteration converges.
     needed = wanted = known.real.geometry.joints_for(grid)
     for _ in range(50):
         missing = wanted - _standing(known, needed, np.zeros(3))

@@ -73,7 +73,6 @@ class MovedAlone(Cause):
         self._sharing = max(int(shifted.any(axis=1).sum()), 1)
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
-        """Move one rail by what all that share the change would; theta (..., p)."""
         moved = self._cause.geometry(geometry, self._sharing * theta)
         points = np.where(self._shifts, moved.points, geometry.points)
         directions = np.where(self._mine, moved.directions, geometry.directions)
@@ -83,13 +82,11 @@ class MovedAlone(Cause):
 def choose_adjustments(
     diagnosis: Diagnosis, id: str | None, machine_file: Path | None = None
 ) -> tuple[str, tuple[Adjustment, ...]]:
-    """Choose the named cause to be corrected, the first one if none is asked for, and how.
+    """Choose the named cause to be corrected, the first or the one asked for, and how.
 
-    The offsets themselves, as `home_switch`, if they are asked for. Each parameter beyond its U,
-    the largest first: what is left is least, wherever one stops.
-
-    Raises UsageError: no screw corrects this cause, or these are no readings;
-    UnusableResultError: it is not named, or nothing of it is beyond its U.
+    `home_switch` are the offsets themselves. Each parameter beyond its U, the largest first. Raises
+    UsageError: no screw corrects this cause, or these are no readings; UnusableResultError: it is
+    not named, or nothing of it is beyond its U.
     """
     path = diagnosis.measured.source.path
     if not isinstance(diagnosis.measured, Readings):
@@ -176,8 +173,7 @@ def _moved(
 ) -> Iterator[tuple[str, str, float]]:
     """Changes of what is calibrated, by a push besides that of the parameter: name, unit, size.
 
-    A rail that moves alone takes the frame along, in which the parameter is shared; one that turns
-    about its foot moves its carriage. Of a home switch the offsets themselves are the parameter.
+    A rail that moves alone takes the frame along; one that turns about its foot its carriage.
     """
     n = offsets.size
     _, slopes = differentiate(model, offsets, plan, [alone.absent, cause.absent])

@@ -63,12 +63,10 @@ MOST_EXPLANATIONS = 8
 def options(first: Plan | None, machine: Machine) -> Iterator[NextMeasurement]:
     """All that can be done next within the limits of a machine.
 
-    Either the stands stay where they are, on the leg that was read last, and what was wrong with
-    them and their labels is still wrong; or they are set up again, and only what is wrong with the
-    machine and its bars is met again.
-
-    `first` was read with gauges that stand in space. Where nothing can be solved with it, None:
-    sessions as `measure` guides them, of the best design where plungers would leave the bar.
+    The stands stay where they are, with all that is wrong with them; or they are set up again, and
+    only what is wrong with the machine and its bars is met again. `first` was read with gauges that
+    stand in space. None, where nothing can be solved with it: sessions as `measure` guides them, of
+    the best design where plungers would leave the bar.
     """
     if first is not None:
         first = GaugePlan.require(first)
@@ -95,10 +93,7 @@ def _later(first: Plan, plan: PlanT) -> PlanT:
 
 
 def _walks(machine: Machine, gauge_at: float) -> tuple[tuple[Reason, tuple[float, ...]], ...]:
-    """Ways to the joint limits, or as far as the plunger stays on the bar.
-
-    Each with one cycle of displacements [mm], of which the first closes the last.
-    """
+    """Ways as far as limits and plunger permit, with the displacements of a cycle [mm]."""
     low, high = machine.reach_mm(gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
     ends = {"least": least, "most": most}
@@ -224,11 +219,10 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     ½ tr (A − 1)² + |b|² with A = S_h^½ S_r⁻¹ S_h^½, b = S_h^½ S_r⁻¹ (m_h − m_r). The rival is
     dismissed where the odds then pass the diagnosis' own bound.
 
-    Differences and readings along a leg, which no others can be solved together with, are followed
-    by sessions of their own, which are judged alone: y is as the posterior of h has it, but
-    p(y | r) and p(y | h) are N(μ, P), of causes that may have any plausible size. With
-    D = P_r⁻¹ − P_h⁻¹ and b = P_r⁻¹ (m_h − μ_r) − P_h⁻¹ (m_h − μ_h) the variance is ½ tr (D S_h)² +
-    bᵀ S_h b.
+    Sessions that cannot be solved together with the first readings are judged alone: y is as the
+    posterior of h has it, but p(y | r) and p(y | h) are N(μ, P), of causes of any plausible size.
+    With D = P_r⁻¹ − P_h⁻¹ and b = P_r⁻¹ (m_h − μ_r) − P_h⁻¹ (m_h − μ_h) the variance is
+    ½ tr (D S_h)² + bᵀ S_h b.
     """
     model, measured = diagnosis.model, diagnosis.measured
     plan = measured.plan if isinstance(measured, Readings) else None
@@ -315,19 +309,13 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
 
 
 def best_next(diagnosis: Diagnosis) -> NextMeasurement | None:
-    """The measurement that best distinguishes what is left open, or would not show but matters.
-
-    None if none does.
-    """
+    """The measurement, if any, that best distinguishes what is left open, or hidden but matters."""
     best = next(iter(rank_measurements(diagnosis)), None) if diagnosis.undecided else None
     return best if best is not None and best.separates else None
 
 
 def _fixed(model: Model, plan: Plan, answer: Fit) -> Floats:
-    """Variance that numbers taken as the controller has them add to each parameter, (p,).
-
-    No reading shows them: a diagnosis counts one only as its answer; `solve` counts all.
-    """
+    """Variance that numbers taken as the controller has them add to each parameter, (p,)."""
     nominal = np.zeros(len(model.machine.parameter_names))
     taken = fixed_influences(model, nominal, plan)
     columns = [one.columns for one in taken if one.source not in answer.ids]
@@ -341,8 +329,7 @@ def _separated(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> dict[str
     """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
 
     As fields of a measurement; none without such a pair. Explanations come in the order of their
-    probability, the accepted one first; those with patterns come after those without. A rival that
-    holds only some of the causes comes last: a diagnosis does not state it.
+    probability; those with patterns, then a rival that holds only some of the causes, come last.
     """
     pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(open_pairs, 1)).tolist()]
     if not pairs:
@@ -368,10 +355,7 @@ def predictions(
     choice: Sequence[NextMeasurement],
     weighted: Sequence[tuple[float, Fit]],
 ) -> list[Mixture]:
-    """Predictions of each option by explanations with their probabilities.
-
-    `first` are the readings that they were fitted to; None if they are not known.
-    """
+    """Predictions of each option by explanations fitted to `first`, with their probabilities."""
     predicted: dict[int, Mixture] = {}
     for continues in {option.continues for option in choice}:
         plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}
@@ -394,8 +378,7 @@ def _combined(
 
     No new gauge zero enters them, and their noise is independent of that of the first readings: in
     a new set-up deviations from its mean, in one that goes on from the mean of what was read there.
-    Of these only the few in which the explanations can differ count. `expected` holds the readings
-    of the plan at `new`.
+    Only those count in which explanations can differ. `expected` holds the plan's at `new`.
     """
     fits = [fit for _, fit in weighted]
 

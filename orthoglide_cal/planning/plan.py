@@ -4,10 +4,9 @@ A plan holds at the parameters that are plausible before anything is measured, w
 stated noise and the degrees of freedom that the readings will have. On average it is what `solve`
 prints once they are there.
 
-A kind of machine that measures itself offers layouts, ways to spread its readings; they are
-compared on equal terms, and the best is the quickest that distinguishes what hides behind each
-other in the usual ones. Every other kind is measured by protocols: a session is compared with other
-numbers of cycles, protocols and methods, and the best design takes the fewest readings for its U.
+A kind of machine that measures itself offers layouts, ways to spread its readings; the best is the
+quickest that distinguishes what hides behind each other in the usual ones. Every other kind is
+measured by protocols, and the best design takes the fewest readings for its U.
 """
 
 import math
@@ -105,10 +104,7 @@ class SessionForecast(Schema):
 
     @cached_property
     def budget(self) -> Budget:
-        """Uncertainty of the parameters, at the degrees of freedom that the readings will have.
-
-        Raises UnusableResultError: they will not determine the parameters; says what to add.
-        """
+        """Uncertainty of the parameters; raises UnusableResultError where they are undetermined."""
         model, plan, gauge = self.model, self.plan, self.model.machine.instrument
         uncertain = _plausible_influences(model, plan)
         estimator = estimator_for(model, plan, uncertain, self.method)
@@ -146,10 +142,7 @@ class SessionForecast(Schema):
     @computed_field
     @cached_property
     def tool_mm(self) -> float | None:
-        """How far the tool may be off at the worst place of the workspace, offsets entered [mm].
-
-        k·u of the tool position, and what accepted causes leave there; None without a workspace.
-        """
+        """k·u of the tool at the worst place of the workspace, with what causes leave there."""
         with suppress(UsageError):
             after = error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1]
             return float(after.max())
@@ -171,7 +164,6 @@ class SessionForecast(Schema):
 
     @property
     def worst_mm(self) -> float:
-        """The largest U of a length."""
         return max(self.expanded_mm.values())
 
     @cached_property
@@ -243,10 +235,7 @@ def forecast(
 def fewest_cycles(
     model: Model, session: GuidedSession, wanted_mm: float, method: Method = Method.READINGS
 ) -> SessionForecast | None:
-    """The shortest session of this kind that leaves no U larger than wanted.
-
-    None if `MOST_CYCLES` do not.
-    """
+    """The shortest session of this kind that leaves no U larger than wanted, if there is one."""
 
     def at(cycles: int) -> SessionForecast:
         return forecast(model, session.changed(cycles=cycles), method)
@@ -271,11 +260,8 @@ def separations(
     A cause of plausible size changes the readings; a rival explains them as well as it can, at its
     best place and with whatever sizes, offsets, gauge zeros and influences suit it. What it then
     costs more than the truth itself, squared residuals over the noise and squared sizes over the
-    plausible ones, is the squared separation in standard deviations. Everything is linear around a
-    machine with plausible offsets, so that all truths and all rivals are a few products of
-    matrices.
-
-    The n readings of the plan determine the offsets. `among` are ids to look at; None for all.
+    plausible ones, is the squared separation in standard deviations, of a model that is linear
+    around plausible offsets. `among` are ids to look at; None for all.
     """
     if among is not None and not among:
         return {}, {}  # without a simulation
@@ -314,10 +300,9 @@ def _margins(
 ) -> Floats:
     """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1).
 
-    On a machine with these offsets, of a linear model of its readings, with what one plausible size
-    of each influence adds to the whitened data, `carried` (k, u) [mm]. What is left of readings
-    counts in standard deviations: what offsets, zeros and influences of plausible size imitate has
-    been taken out. `columns` are of one unit of causes at one of many places, (places, n, 1).
+    On a machine with these offsets, with what one plausible size of each influence adds to the
+    whitened data, `carried` (k, u) [mm]. What offsets, zeros and influences imitate is taken out of
+    the readings. `columns` are of one unit of causes at one of many places, (places, n, 1).
     """
     plan, machine, noise = white.plan, white.machine, white.machine.instrument.noise_mm
     broad = [cause for cause in causes if cause.id not in extras]
@@ -396,8 +381,7 @@ def _cost(columns: Floats, left: Floats, cause: Cause, machine: Machine) -> Floa
 def _plausible(cause: Cause, machine: Machine) -> Floats:
     """Parameters of one plausible size each, or one count, in every combination of signs, (r, p).
 
-    One sign of all of them together changes no square, and is left out. So are terms that are
-    smaller than the first.
+    Without their common sign, which changes no square, and terms smaller than the first.
     """
     first = 1 if not cause.positive else len(cause.names)
     others = product((1.0, -1.0), repeat=cause.freedom - first)
@@ -477,10 +461,8 @@ def measurement_plan(
 ) -> MeasurementPlan:
     """The plan of the session that was chosen, perhaps for a U to reach, and other ways to measure.
 
-    `following` is what to measure in addition to existing data, best first. Without `details` only
-    the best design is compared with the session.
-
-    Raises UnusableResultError: such readings will not determine the parameters.
+    `following` is what to measure in addition to existing data, best first; without `details` only
+    the best design is compared. Raises UnusableResultError: nothing determines the parameters.
     """
     model, session, floor, plan = chosen.model, chosen.session, chosen.floor, chosen.plan
     machine, compare, (shown, design) = model.machine, list[SessionForecast](), _offered(model)
@@ -562,10 +544,9 @@ def chosen_session(
 
 @lru_cache(maxsize=8)
 def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], SessionForecast | None]:
-    """All layouts that there are, and the best; none of a machine that follows protocols.
+    """All layouts, and that of least expected loss; none of a machine that follows protocols.
 
-    The best is that of least expected loss: where it does not distinguish the rivals, somebody
-    comes back for it.
+    Where it does not distinguish the rivals, somebody comes back for it.
     """
     machine, best, least = model.machine, None, math.inf
     for layout in machine.distinguishing_layouts():

@@ -71,14 +71,9 @@ class PostureProgram:
 
 
 def posture_program(model: Model, steps: Sequence[SessionStep], session: str) -> PostureProgram:
-    """The program that takes the nominal machine through the postures of some steps.
+    """The program that takes the nominal machine through the postures of steps, in their order.
 
-    Args:
-        steps: of a session, in order.
-        session: as of `PostureProgram`.
-
-    Raises:
-        PostureError: a point is outside the joint limits.
+    Raises PostureError: a point is outside the joint limits.
     """
     machine = model.machine
     low, high = machine.limits_mm
@@ -220,8 +215,7 @@ def chosen_program(
 ) -> tuple[str, int]:
     """The text of a session's program, or of a layout's places; and how many blocks or places.
 
-    Arguments as of `program_text`; `machine` is the file for the command to measure with. Raises
-    UsageError: nothing of the kind can be written there; PostureError as `posture_program`.
+    Raises UsageError: nothing of the kind can be written there; PostureError as `posture_program`.
     """
     session, model = chosen.session, chosen.model
     ends = (_CSV, *_GCODE) if session else (_CSV,)
@@ -257,9 +251,8 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
     """The template in a file with the blocks in the place of its marker.
 
     A block drives to the approach point along the axis of its leg, then slowly to the posture, and
-    waits. Coordinates are absolute, in mm. Raises InputError: no marker or two, a setting that
-    cannot be used, the number of one of the blocks, or a mode (inches, relative) in which they
-    would drive elsewhere.
+    waits. Coordinates are absolute, in mm. Raises InputError: a fault of the template, such as a
+    mode (inches, relative) in which the blocks would drive elsewhere.
     """
     template = _template(document, program)
     machine, lines = program.machine, [*template.before]

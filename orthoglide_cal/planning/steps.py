@@ -1,8 +1,4 @@
-"""The steps of a session: which reading comes when, and what has to be moved for it.
-
-The postures of the session are the paper's, or those of the best design: the fewest readings for an
-accuracy.
-"""
+"""The steps of a session: which reading comes when, and what has to be moved for it."""
 
 import functools
 from collections import Counter
@@ -76,17 +72,14 @@ class SessionStep:
 
     @property
     def leg(self) -> int:
-        """The leg that is touched, and whose carriage is displaced."""
         return self.cell.leg
 
     @property
     def direction(self) -> int:
-        """The axis along which the gauge measures."""
         return self.cell.direction
 
     @property
     def series(self) -> Series:
-        """Leg and direction."""
         return self.cell.series
 
     @property
@@ -150,14 +143,10 @@ class GuidedSession(Schema):
 
 
 def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[SessionStep, ...]:
-    """The steps of any plan.
+    """The steps of any plan; its readings of one set-up share a zero.
 
-    Args:
-        plan: the readings, in time order; readings of one set-up of it share a zero.
-        machine: for the names of the postures.
-        order: may bring readings at one end of a leg together.
-        stands: gauges that are read side by side. One gauge takes one direction of a leg after
-            the other, and slides alone between the ends of a leg.
+    The order may bring readings at one end of a leg together. Of `stands` gauges read side by side
+    a single one takes one direction after the other, and slides alone between the ends of a leg.
     """
     rows, readings, zero_of = plan.in_time.tolist(), planned_readings(plan), plan.shared.tolist()
     alone = stands == 1 or not plan.fixed
@@ -199,10 +188,7 @@ def gauge_moves(steps: Sequence[SessionStep]) -> int:
 
 
 def clock(steps: Sequence[SessionStep]) -> list[float]:
-    """When each of n steps is read, and when all are, shape (n + 1,) [min].
-
-    It begins when the stands of the first are set up, and a bar for it is still to be turned.
-    """
+    """When each of n steps is read, the first one set up, and when all are, (n + 1,) [min]."""
     turned: set[tuple[int, int]] = set()
     times, now = [], 0.0
     for before, step in zip((None, *steps), steps, strict=False):
@@ -235,16 +221,12 @@ def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 
     The offsets show in differences of readings that share a gauge zero. These are largest between
-    the ends of the travel, with the gauge as far along the leg as its plunger stays on the bar:
-    no other postures along the legs do better. Of the places nearest to the joint and to the tool
-    that is taken where the largest variance of an offset is smaller, diag (Σ D Dᵀ)⁻¹ with
-    D = J_high − J_low of each gauge. Postures that displace other carriages, too, as far as the
-    plunger follows (5 mm), would save 3 to 5 % more: not worth a stand that has to be watched.
+    the ends of the travel, with the gauge as far along the leg as its plunger stays on the bar. Of
+    the places nearest to the joint and to the tool that is taken where the largest variance of an
+    offset is smaller, diag (Σ D Dᵀ)⁻¹ with D = J_high − J_low of each gauge.
 
-    Displacements [mm], the higher one first, and a place along the leg, as of `visiting`; each
-    plunger stays `MARGIN` from both joints.
-
-    Raises UnusableResultError: no such postures determine the offsets.
+    Displacements [mm], the higher one first, and a place along the leg, as of `visiting`. Raises
+    UnusableResultError: no such postures determine the offsets.
     """
     least, best = NOTHING**-0.5, None
     for place in sorted((0.5, *machine.gauge_places), key=lambda at: abs(at - 0.5)):

@@ -1,6 +1,4 @@
-"""A result to be shown, and the parts common to all pages: its data and machine, the decision, the
-next steps, and the facts about machine, gauges and circumstances, in the words of its kind.
-"""
+"""A result to be shown, in the words of its machine, and the commands that go on from it."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -52,17 +50,14 @@ class Case:
 
     @property
     def source(self) -> Source:
-        """The file that the data came from."""
         return self.given.measured.source
 
     @property
     def machine(self) -> Machine:
-        """The machine that they are judged by."""
         return self.given.model.machine
 
     @property
     def words(self) -> Vocabulary:
-        """The words of its kind."""
         return self.machine.vocabulary
 
     def title_of(self, id: str, parameters: int = 1) -> str:
@@ -72,7 +67,6 @@ class Case:
         return cause_words(id, self.machine)["title"]
 
     def says(self, reason: Reason) -> str:
-        """The sentence for a reason, in the words of this kind of machine."""
         return sentence(reason, self.machine)
 
     def data(self) -> dict[str, object]:
@@ -88,15 +82,14 @@ class Case:
     def known(self) -> tuple[Cause, ...]:
         """Lasting causes of the machine: accepted ones, and those that were found."""
         sure = self.answer.causes if self.answer.verdict is Verdict.NAMED else ()
-        named = [CAUSES[cause.id] for cause in sure]
-        lasting = [cause for cause in named if cause.in_machine and cause.lasting]
+        named = (CAUSES[cause.id] for cause in sure)
+        lasting = (cause for cause in named if cause.in_machine and cause.lasting)
         return (*(effect.cause for effect in self.given.model.remaining()), *lasting)
 
     @property
     def method(self) -> str | None:
         """The method, if another one than the usual was asked for."""
-        method = self.answer.method
-        return None if method == self.answer.input.kind else method
+        return self.answer.method if self.answer.method != self.answer.input.kind else None
 
     def typed(self, verb: str, *options: str, other: str = "") -> str:
         """A command about this input, with what was given for it, more options, another file."""
@@ -131,7 +124,7 @@ class Case:
     def require_usable(self, force: bool | None = None) -> None:
         """Raise UnusableResultError, with what to do instead, if the result must not be used.
 
-        Unless it is forced to be; None where it cannot be forced.
+        `force`: use it nevertheless; None where nobody can.
         """
         release, known = self.answer.release, self.answer.parameters
         if known and (release.usable or force):
@@ -148,10 +141,10 @@ class Case:
 
         It holds what was entered where no machine file can tell; the option takes three values.
         """
-        unknown = recording(self.given) == "nowhere" and len(self.answer.parameters) == len(AXES)
-        digits = self.answer.decimals
-        changes = " ".join(plain(size.change(digits), digits) for size in self.answer.parameters)
-        return self.typed("verify", f"--applied {changes}" if unknown else "", other="AFTER")
+        digits, known = self.answer.decimals, self.answer.parameters
+        unknown = recording(self.given) == "nowhere" and len(known) == len(AXES)
+        changes = " ".join(plain(size.change(digits), digits) for size in known)
+        return self.typed("verify", f"--applied {changes}" * unknown, other="AFTER")
 
     @property
     def record(self) -> str | None:
@@ -159,10 +152,7 @@ class Case:
         return self.typed("apply") if recording(self.given) == "due" else None
 
     def further(self, session: str | None) -> str | None:
-        """The command for a further measurement; a printer has other ways.
-
-        `session` are the options of a session of its own; None: it goes on from these readings.
-        """
+        """The command to go on from these readings, or for a `session` with such options."""
         then = self.source.path if session is None else None
         if then == "-":
             return None
@@ -170,15 +160,14 @@ class Case:
 
     @property
     def for_controllers(self) -> bool:
-        """False for what was practised: no line of it is for a controller."""
+        """False for what was practised."""
         return not (self.answer.simulated or self.machine.practice)
 
     @property
     def table(self) -> str | None:
         """The command for a table that corrects what offsets leave; None where none would."""
-        left = "remains" in self.answer.release.codes
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
-        wanted = known and left and self.for_controllers
+        wanted = known and "remains" in self.answer.release.codes and self.for_controllers
         return self.typed("export", "--format table") if wanted else None
 
 
@@ -224,9 +213,6 @@ def measure_again(given: Input) -> str | None:
     seed = dict(given.conditions.environment).get("seed")
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
     return given.model.machine.measuring(given.machine_file, options)
-
-
-# --- of which data, of whose machine, for what it holds ----------------------------------------
 
 
 def data_words(source: Source | None, kind: str, count: int) -> str:

@@ -1,8 +1,4 @@
-"""Exports for the controller: a page of text, lines to paste, a table of corrections.
-
-What the lines of a printer's firmware mean stands with what reads them: `files.gcode`, and
-`files.controller_file` for Klipper.
-"""
+"""Exports for the controller: a page of text, lines to paste, a table of corrections."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -32,14 +28,11 @@ from orthoglide_cal.words import (
 )
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
+_number = partial(plain, decimals=_DECIMALS)
 
 
 def exported(format: str, case: Case, identity: Identity) -> str:
-    """Text for a controller: a page, or lines to paste; with what those leave out.
-
-    Below title, origin and warnings, above what to do then; in lines to paste those are comments. A
-    forced result is marked as such.
-    """
+    """Text for a controller: a page, or lines to paste, where all but those are comments."""
     answer, release, words = case.answer, case.answer.release, case.words
     lines, sign, notes = _text(case), "", iter("")
     if format != "text" and case.machine.adds_to_joints:
@@ -53,21 +46,18 @@ def exported(format: str, case: Case, identity: Identity) -> str:
         f"{words.title} for {case.machine.name}, {identity.number}",
         f"Issued {moment_words(identity.issued)} by {identity.software}",
         f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
-        *(["FORCED: this result must not be used."] if release.reasons else []),
+        *["FORCED: this result must not be used."] * bool(release.reasons),
         *map(case.says, release.reasons),
-        *([f"Note: {case.says(Reason.of('nothing_to_enter'))}"] if release.settled else []),
+        *[f"Note: {case.says(Reason.of('nothing_to_enter'))}"] * release.settled,
         *(f"Note: {case.says(caution)}" for caution in release.cautions),
         *"\n".join(notes).split("\n"),
     ]
-    after = [
-        f"After entering: {uncapitalized(words.restart)}",
-        check_words(answer.check) if answer.check else "",
-        f"Record what was entered: {case.record}" if case.record else "",
-        f"Correct the remaining errors with a table: {case.table}" if case.table else "",
-        f"Then measure again and run: {case.verify}",
-    ]
-    if release.settled:  # nothing is entered
-        after = after[3:4]
+    after = [f"Correct the remaining errors with a table: {case.table}"] * bool(case.table)
+    if not release.settled:
+        first = f"After entering: {uncapitalized(words.restart)}"
+        check = check_words(answer.check) if answer.check else ""
+        record = f"Record what was entered: {case.record}" * bool(case.record)
+        after = [first, check, record, *after, f"Then measure again and run: {case.verify}"]
     above, below = ([f"{sign}{visible(line)}" for line in part if line] for part in (head, after))
     return "\n".join((*above, *lines, *below, ""))
 
@@ -128,8 +118,7 @@ def _klipper(new: LinearDelta) -> Iterator[str]:
 
 
 def _codes(new: LinearDelta, marlin: bool = False) -> Iterator[str]:
-    """Lines M665 and M666: of config.g, or for Marlin's console, to be saved; towers a, b, c are
-    X, Y, Z."""
+    """Lines M665 and M666, of config.g or for Marlin's console; towers a, b, c are X, Y, Z."""
     words = words_of(new, marlin)
     for code, names in groupby(words, key=lambda name: name[:4]):
         written = (f"{name[4:]}{':'.join(map(_number, words[name]))}" for name in names)
@@ -139,8 +128,7 @@ def _codes(new: LinearDelta, marlin: bool = False) -> Iterator[str]:
 
 
 def _linuxcnc(new: LinearDelta) -> Iterator[str]:
-    """R and L of lineardeltakins, whose towers stand at 90, 210 and 330 degrees, and the heights of
-    the carriages at their switches."""
+    """Of lineardeltakins, whose towers stand at 90, 210 and 330 degrees."""
     arm, radius = float(np.mean(new.arm_length_mm)), new.delta_radius_mm
     yield f"setp lineardeltakins.R {_number(radius)}"
     yield f"setp lineardeltakins.L {_number(arm)}"
@@ -148,10 +136,6 @@ def _linuxcnc(new: LinearDelta) -> Iterator[str]:
     for number, tower in enumerate(towers):
         height = new.endstops_mm["abc".index(tower)] + math.sqrt(arm**2 - radius**2)
         yield from (f"[JOINT_{number}]", f"# tower {tower}", f"HOME_OFFSET = {_number(height)}")
-
-
-def _number(value: float) -> str:
-    return plain(value, _DECIMALS)
 
 
 _LINES: Mapping[str, Callable[[LinearDelta], Iterator[str]]] = {
@@ -163,18 +147,15 @@ _LINES: Mapping[str, Callable[[LinearDelta], Iterator[str]]] = {
 
 
 def _notes(format: str, new: LinearDelta, case: Case) -> Iterator[str]:
-    """Parts of the calibration for which the firmware has no setting, and where its lines go."""
+    """What the firmware has no setting for, and where its lines go."""
     texts = FIRMWARES[format]
     yield texts["lacks"]
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
             yield f"Not in these lines: {id}; {cause_words(id, case.machine)['no_setting']}."
-    unknown = [row.name for row in case.answer.parameters if not row.determined]
-    if unknown:
+    if unknown := [row.name for row in case.answer.parameters if not row.determined]:
         yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."
-    if not new.equal_arms and "unequal" in texts:
-        yield texts["unequal"]
     turned = np.sort(np.mod(new.tower_angles_deg, 360.0)) - (90.0, 210.0, 330.0)
-    if np.any(np.abs(turned) >= 0.5 * 10.0**-_DECIMALS) and "turned" in texts:
-        yield texts["turned"]
-    yield texts["before"]
+    turns = bool(np.any(np.abs(turned) >= 0.5 * 10.0**-_DECIMALS))
+    wanted = {"unequal": not new.equal_arms, "turned": turns, "before": True}
+    yield from (texts[name] for name, holds in wanted.items() if holds and name in texts)

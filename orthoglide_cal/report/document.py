@@ -1,11 +1,10 @@
-"""A result as a command shows it: plain values for programs, and blocks for people.
+"""A result as a command shows it: plain values for programs, and a page of blocks for people.
 
-A document is made in `report.documents`; the renderers know nothing of what it is about: `json`
-shows its values, `terminal`, `html` and `markdown` its page. Pages and pictures are marked up by
-`tag` and `join`, which escape all but their own.
+The renderers of a page know nothing of what it is about. It and its pictures are marked up by `tag`
+and `join`, which escape all but their own.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
@@ -36,13 +35,9 @@ def join(parts: Iterable[str | None], between: str = "") -> Html:
 
 
 def tag(name: str, /, *children: str | None, **attributes: str | float | None) -> Html:
-    """An element.
+    """An element; children and attributes that are None are left out.
 
-    Args:
-        name: of the element.
-        children: markup, or plain text that is escaped; None is left out.
-        attributes: a trailing "_" is dropped and others become "-" ("stroke_width", "class_");
-            None is left out.
+    In names of attributes a trailing "_" is dropped, others become "-" ("stroke_width", "class_").
     """
     written = ""
     for key, value in attributes.items():
@@ -107,7 +102,7 @@ class Tone(StrEnum):
 
     @property
     def sign(self) -> str:
-        """One character before the title; none of what is no decision."""
+        """Begins the title; "" of what is no decision."""
         return {"good": "✔ ", "warn": "! ", "bad": "✘ ", "open": "? ", "info": ""}[self]
 
 
@@ -223,13 +218,12 @@ class Page:
         return SIMULATED if self.simulated else None
 
     @property
-    def in_characters(self) -> list[Section]:
+    def in_characters(self) -> Iterator[Section]:
         """The sections but figures only drawn: their words would refer to nothing."""
-        shown = [
-            Section(part.title, *(b for b in part.blocks if not isinstance(b, Figure) or b.plain))
-            for part in (*self.sheet, *self.sections)
-        ]
-        return [section for section in shown if section.blocks]
+        for part in (*self.sheet, *self.sections):
+            kept = [b for b in part.blocks if not isinstance(b, Figure) or b.plain]
+            if kept:
+                yield Section(part.title, *kept)
 
     @property
     def closing(self) -> tuple[str, ...]:
@@ -239,7 +233,6 @@ class Page:
 
     @property
     def name(self) -> str:
-        """Kind and number."""
         return f"{self.kind} {self.number}" if self.number else self.kind
 
 

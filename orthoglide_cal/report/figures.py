@@ -1,14 +1,13 @@
 """Figures of a page, with the same in characters: measured values, residuals, causes, the machine.
 
-Functions that draw take plain values, those that choose what is drawn a case; every number that a
-picture writes, but those of its axes, is one that it was given.
+Every number that a picture writes, but those of its axes, is one that it was given.
 """
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain, groupby, pairwise, zip_longest
+from itertools import chain, groupby, zip_longest
 from typing import Self
 
 import numpy as np
@@ -19,7 +18,7 @@ from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.model.plan import Bools, Floats, Ints
-from orthoglide_cal.model.readings import AXES, Series
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, position_words, size_words
 from orthoglide_cal.report.document import Html, tag
@@ -75,10 +74,7 @@ def svg(
     parts: Iterable[Html | None],
     class_: str | None = None,
 ) -> Html:
-    """A picture with its text alternative: what it is, and what one sees in it.
-
-    `class_` is of all parts together.
-    """
+    """A picture with its text alternative: what it is, and what one sees in it."""
     return tag(
         "svg",
         tag("title", title),
@@ -114,7 +110,7 @@ def thread(places: Iterable[Iterable[float]]) -> Html:
 
 
 def arrow(start: Floats, stop: Floats) -> Html:
-    """A line with a head at its end, which says in which direction something is to be moved."""
+    """A line with a head at its end: something is to be moved that way."""
     along = (stop - start) / np.linalg.norm(stop - start)
     across = 4.0 * np.array([-along[1], along[0]])
     behind = stop - 8.0 * along
@@ -173,8 +169,7 @@ _STANDS_OUT = 4.0  # robust standard deviations, beyond which one touch is ringe
 def class_limits(largest: float, around_zero: bool = False) -> Floats:
     """Limits between colours in equal round steps, (CLASSES + 1,), up to the largest value.
 
-    From zero, or from as far below zero as above it: the middle colour then means that nothing is
-    left.
+    From zero, or from as far below zero as above it: the middle colour then means nothing.
     """
     steps, first = (CLASSES // 2, CLASSES / 2.0) if around_zero else (CLASSES, 0.0)
     step = round_up(max(largest / steps, 1e-9), 1.0, 2.0, 4.0, 6.0, 8.0)  # their halves are short
@@ -182,7 +177,6 @@ def class_limits(largest: float, around_zero: bool = False) -> Floats:
 
 
 def _classes(values: Floats, limits: Floats) -> Ints:
-    """Number of each value's colour."""
     return np.clip(np.searchsorted(limits, values, "right") - 1, 0, CLASSES - 1)
 
 
@@ -200,28 +194,21 @@ def _axes(left: float, above: float, size: float, ends_mm: tuple[float, float]) 
 
 def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) -> Iterator[Html]:
     """The scale of the colours, with the number of every limit that has room."""
-    box = 34.0
-    places = [left + k * box for k in range(CLASSES + 1)]
-    texts = [number(limit) for limit in limits]
+    places = [left + 34.0 * k for k in range(CLASSES + 1)]
     for k in range(CLASSES):
-        yield rectangle(places[k], above, box, 12, "heat", f"{kind}{k}")
-    yield from below(places, texts, above + 26)
+        yield rectangle(places[k], above, 34.0, 12, "heat", f"{kind}{k}")
+    yield from below(places, [*map(number, limits)], above + 26)
     yield words(places[-1] + 8, above + 10, unit, class_="muted")
 
 
 def workspace_maps(
-    views: Sequence[tuple[str, Floats, float, Sequence[float]]],
-    ends: tuple[float, float],
-    limit_mm: float | None = None,
+    views: Sequence[tuple[str, Floats, float, Sequence[float]]], ends: tuple[float, float]
 ) -> Iterator[Html]:
-    """Error of the tool position in slices, the highest first.
+    """Error of the tool position in slices, the highest first; then the one scale of their colours.
 
     Args:
         views: when, errors (slices, y, x), the largest of the whole cube, and where that is [mm].
         ends: of the cube, along each axis [mm].
-        limit_mm: drawn as a contour; None for none.
-
-    The last picture is the one scale of their colours, which begins at zero.
     """
     limits = class_limits(max(float(error.max()) for _, error, *_ in views))
     across = Scale(*ends, 0.0, _SIZE)
@@ -231,12 +218,8 @@ def workspace_maps(
         x_mm, y_mm, z_mm = worst
         for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
             title = f"{when}, z = {number(round(level))} mm"
-            body = [
-                *_cells(_classes(error[k], limits)),
-                *([] if limit_mm is None else _contour(error[k] > limit_mm)),
-                words(2.0, 14, title, class_="strong"),
-                *_axes(_LEFT, _ABOVE, _SIZE, ends),
-            ]
+            body = [*_cells(_classes(error[k], limits)), *_axes(_LEFT, _ABOVE, _SIZE, ends)]
+            body.append(words(2.0, 14, title, class_="strong"))
             if abs(z_mm - level) < 1e-6:
                 x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - across(y_mm)
                 body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
@@ -256,17 +239,6 @@ def _cells(number: Ints) -> Iterator[Html]:
             first += many
 
 
-def _contour(beyond: Bools) -> Iterator[Html]:
-    """Edges between the squares that are beyond a limit and those that are not, (n, n)."""
-    size = _SIZE / len(beyond)
-    for turned, squares in enumerate((beyond, beyond.T)):
-        for row, k in np.argwhere(squares[:, 1:] != squares[:, :-1]).tolist():
-            edge = (k + 1, row), (k + 1, row + 1)
-            places = (place[::-1] if turned else place for place in edge)
-            start, stop = ((_LEFT + x * size, _ABOVE + _SIZE - y * size) for x, y in places)
-            yield line(start, stop, "due")
-
-
 def bed_map(
     title: str,
     place_mm: Floats,
@@ -278,7 +250,6 @@ def bed_map(
     """Residuals of the touches of a bed.
 
     Args:
-        title: of the map.
         place_mm: of n touches, shape (n, 2).
         left_mm: measured − modelled, shape (n,).
         bed: its radius, and the directions of towers a, b and c.
@@ -315,68 +286,12 @@ def bed_map(
     return svg(324.0, _OVER + _BED + 58.0, title, finding, body)
 
 
-# --- the machine --------------------------------------------------------------------------------
+# --- causes at the machine -----------------------------------------------------------------------
 
-_LEG = 102.0  # length of a leg in the picture
 _NEAR, _FAR = 52.0, 80.0  # size of the largest gap, and length of half a rail in the picture
 # Where the axes x, y, z point on the paper; and unit vectors there.
 _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
 _TOWARDS = _ON_PAPER / np.linalg.norm(_ON_PAPER, axis=1, keepdims=True)
-
-
-def _rail(leg: int, start: Floats, stop: Floats, carriage: Floats, *on_it: Html) -> Html:
-    """A rail with its name behind the end, its carriage, and what belongs to it."""
-    x, y = stop + 12.0 * _TOWARDS[leg]
-    return tag(
-        "g",
-        line(start, stop, "rail"),
-        *on_it,
-        rectangle(carriage[0] - 7.0, carriage[1] - 7.0, 14.0, 14.0, "carriage"),
-        words(x, y + 4.0, AXES[leg], "middle", "axis"),
-        class_=f"c-{AXES[leg]}",
-    )
-
-
-def machine_sketch(
-    leg_length_mm: float,
-    joint_limits_mm: tuple[float, float],
-    gauges: Sequence[tuple[int, int, float]],
-) -> Html:
-    """Isometric sketch at the isotropic posture.
-
-    Args:
-        leg_length_mm, joint_limits_mm: L, and the travel from the isotropic posture.
-        gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
-    """
-    tool = np.array([164.0, 150.0])
-    low, high = (1.0 + limit / leg_length_mm for limit in joint_limits_mm)
-    # Even displacements of the carriage leave the picture readable only up to here.
-    end = min(high, 1.0 + 34.0 / _LEG)
-    parts: list[Html] = []
-    for leg in range(3):
-        start, stop, joint = (tool + place * _LEG * _ON_PAPER[leg] for place in (low, end, 1.0))
-        side = 4.0 * np.array([-_TOWARDS[leg, 1], _TOWARDS[leg, 0]])
-        bars = (line(joint + way * side, tool + way * side, "bar") for way in (1.0, -1.0))
-        parts.append(_rail(leg, start, stop, joint, *bars))
-    parts.append(tag("circle", cx=tool[0], cy=tool[1], r=8.0, class_="tool"))
-    dials: list[Floats] = []
-    for leg, direction, place in gauges:
-        # A dial on the side towards which its direction points: that way its reading grows.
-        touch = tool + (1.0 - place) * _LEG * _ON_PAPER[leg]
-        toward = _TOWARDS[direction]
-        dial = touch + 33.0 * toward
-        while any(np.linalg.norm(dial - other) < 25.0 for other in dials):
-            dial = dial + 6.0 * toward
-        dials.append(dial)
-        x, y = dial
-        drawn = [line(touch + 5.0 * toward, dial - 12.0 * toward, "plunger")]
-        drawn.append(tag("circle", cx=x, cy=y, r=12.0, class_="dial"))
-        drawn.append(words(x, y + 4, f"+{AXES[direction]}", "middle"))
-        parts.append(tag("g", *drawn, class_=f"c-{AXES[leg]}"))
-    finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
-    stood = (f"{Series(leg, axis).words} at {place:g}" for leg, axis, place in gauges)
-    finding += f" Gauges, from carriage 0 to tool 1: {'; '.join(stood)}."
-    return svg(328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
 def shims(id: str, sizes: Iterable[Estimate]) -> list[tuple[str, float, str]]:
@@ -390,18 +305,16 @@ def shims(id: str, sizes: Iterable[Estimate]) -> list[tuple[str, float, str]]:
 
 
 def rails_sketch(gaps_mm: Mapping[str, float], moves: Sequence[tuple[str, float, str]]) -> Html:
-    """The three rails where they really pass each other, the gaps enlarged, and what closes them.
+    """The three rails as they pass each other, gaps enlarged, with an arrow for each of `shims`.
 
-    Args:
-        gaps_mm: "xy" → how far rail x lies above rail y, along z; and so on.
-        moves: `shims`, each an arrow at its mount.
+    `gaps_mm`: "xy" → how far rail x lies above rail y, along z; and so on.
     """
     most = max(map(abs, gaps_mm.values())) or 1.0
     pairs = [[AXES.index(axis) for axis in name] for name in gaps_mm]
     through = np.zeros((3, 3))  # a point of each rail [px]
     for (first, second), gap in zip(pairs, gaps_mm.values(), strict=True):
-        through[first, 3 - first - second] += 0.5 * _NEAR * gap / most
-        through[second, 3 - first - second] -= 0.5 * _NEAR * gap / most
+        half = 0.5 * _NEAR * gap / most
+        through[[first, second], 3 - first - second] += half, -half
 
     def on_paper(place: Floats) -> Floats:
         return np.asarray(np.array([164.0, 120.0]) + place @ _ON_PAPER)
@@ -410,7 +323,10 @@ def rails_sketch(gaps_mm: Mapping[str, float], moves: Sequence[tuple[str, float,
     taken: list[Floats] = []  # places on the paper where something is drawn
     for rail, axis in enumerate(AXES):
         start, stop = (on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR))
-        parts.append(_rail(rail, start, stop, start))
+        x, y = stop + 12.0 * _TOWARDS[rail]
+        named = words(x, y + 4.0, axis, "middle", "axis")
+        carriage = rectangle(start[0] - 7.0, start[1] - 7.0, 14.0, 14.0, "carriage")
+        parts.append(tag("g", line(start, stop, "rail"), carriage, named, class_=f"c-{axis}"))
         taken += [*np.linspace(start, stop, 29)]
         for _, mm, along in (move for move in moves if move[0] == axis):
             way = _TOWARDS[AXES.index(along[1])] * (-1.0 if along[0] == "-" else 1.0)
@@ -448,10 +364,8 @@ _PART = 40.0  # height of the picture of one parameter
 def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
     """Place of an axis, a bar or a carriage as it should be (dashed) and as it is, enlarged.
 
-    Args:
-        name: of the cause.
-        sizes: "y_x" (a bar of leg x, along y), "xy" (by how much the angle between two axes is
-            less than 90°) or "x" (a carriage).
+    Names of `sizes`: "y_x" (a bar of leg x, along y), "xy" (by how much the angle between two axes
+    is less than 90°) or "x" (a carriage).
     """
     most = max(abs(size.value) for size in sizes) or 1.0
     parts, listed = [], []
@@ -459,7 +373,7 @@ def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
         base = (k + 1) * _PART - 10.0
         place, text = size.name, size_words(size.value, size.expanded, size.unit)
         if place[1:2] == "_":
-            place = Series(AXES.index(place[2]), AXES.index(place[0])).words
+            place = f"leg {place[2]}, direction {place[0]}"
         listed.append(f"{place} {text}")
         named = words(2.0, base - 11.0, place, class_="strong"), words(2.0, base + 2.0, text)
         drawn = _parameter(size.name, size.value / most, base)
@@ -469,7 +383,7 @@ def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
 
 
 def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
-    """One of them; `share` of the largest size, upwards from the height `base`."""
+    """One of them, `share` of the largest size, above the height `base`."""
     left, right = 140.0, 284.0
     if "_" in parameter:  # a bar, from the carriage to the tool
         base -= 10.0
@@ -499,9 +413,8 @@ _BED_LEGEND = (
     "  · noise, + − over 2σ, ▲ ▼ over 4σ.",
 )
 _MOST_SERIES = 6  # on a screen; of columns two more
-_MOST_DRAWN = 3  # parameters of a cause
+_MOST_DRAWN, _MOST_GAUGES = 3, 2  # parameters of a cause, and gauges whose readings it spoils
 _RINGED = "Ringed: beyond four robust standard deviations."
-_MOST_GAUGES = 2  # of the readings that it spoils
 # Pattern → what it depends on if not on time: a column of the residuals.
 _DEPENDS = {"repeats": "displacement_mm", "hysteresis": "moved_mm", "temperature": "temperature_c"}
 # Such a column → its name on an axis.
@@ -537,35 +450,37 @@ def differences_figure(
     names, first, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
     sizes = {"found": first, "expected": expected, **({"as left": after} if measured else {})}
-    *_, (head, last) = sizes.items()
+    last = [*sizes.values()][-1]
+    low, high = np.subtract(last, expanded), np.add(last, expanded)
     columns: dict[str, Sequence[str]] = {"": names}
     columns |= {when: [signed(mm, 3) for mm in values] for when, values in sizes.items()}
     columns["± U"] = [plain(mm, 3) for mm in expanded]
     columns |= {"limit": outcomes} if outcomes else {}
-    limits = [] if limit_mm is None else [-limit_mm, limit_mm]
     # Columns of numbers, by their right edges.
     edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
-    left, high = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
-    reach = [*np.subtract(last, expanded), *np.add(last, expanded), *limits, -0.02, 0.02]
-    across = Scale.around([*first, *expected, *reach], left, edges[0] - 46.0)
-    top, bottom = _TOP - 4.0, _TOP + high * len(rows)
+    left, row_px = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
+    top, bottom = _TOP - 4.0, _TOP + row_px * len(rows)
+    least = max(limit_mm or 0.0, 0.02)
+    across = Scale.around([*first, *expected, *low, *high, -least, least], left, edges[0] - 46.0)
+    kind, meaning = comparison_words(single)
+    key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
+    key, parts = f"{key}, with U (95 %). {meaning}", list[Html]()
+    if limit_mm is not None:
+        key += f" Dashed: the limit, ±{limit_mm:g} mm."
+        start, stop = across(-limit_mm), across(limit_mm)
+        parts.append(rectangle(start, top, stop - start, bottom - top, "allowed"))
     places, kinds, texts = zip(*across.ticks(), strict=True)
-    parts = [
-        *(
-            rectangle(across(a), top, across(b) - across(a), bottom - top, "allowed")
-            for a, b in pairwise(limits)
-        ),
-        *(line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True)),
-        *below(places, texts, bottom + 14),
-        words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
-    ]
-    for x, when in zip(edges, sizes, strict=True):
-        parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
+    parts += (line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True))
+    parts += below(places, texts, bottom + 14)
+    parts.append(words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"))
+    *titles, title = sizes
+    for x, when in zip(edges, (*titles, f"{title} ± U"), strict=True):
+        parts.append(words(x, 12, when, "end", "muted"))
     listed = []
     for k, (name, *cells) in enumerate(zip(*columns.values(), strict=True)):
-        y = _TOP + high * (k + 0.5)
+        y = _TOP + row_px * (k + 0.5)
         start, stop, *marks = (across(values[k]) for values in sizes.values())
-        ends = across(last[k] - expanded[k]), across(last[k] + expanded[k])
+        ends = across(low[k]), across(high[k])
         numbers, (u, *outcome) = cells[: len(sizes)], cells[len(sizes) :]
         numbers[-1] += f" ± {u}"
         listed.append(f"{name} {', '.join([*numbers, *outcome])}")
@@ -586,11 +501,6 @@ def differences_figure(
         ]
     seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
     picture = svg(_WIDE, bottom + 30.0, "Differences, before and after", seen, parts)
-    kind, meaning = comparison_words(single)
-    key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
-    key += f", with U (95 %). {meaning}"
-    if limit_mm is not None:
-        key += f" Dashed: the limit, ±{limit_mm:g} mm."
     rms = " → ".join(plain(size, 3) for size in rms_mm)
     whole = f"Differences, {kind}: {rms} mm r.m.s."
     return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
@@ -612,31 +522,28 @@ def brief_residuals(case: Case) -> list[doc.Block]:
 
 def residual_blocks(case: Case) -> Iterator[doc.Block]:
     """Measured − modelled without and with the causes, in figures and characters."""
-    left = _left(case)
+    left, noise_mm = _left(case), case.machine.instrument.noise_mm
     for k, pattern in enumerate(case.answer.beyond):
         yield _pattern_figure(case, pattern, k)
     if _on_bed(case):
-        measured = np.array([row.measured_mm for row in case.answer.residuals])
-        maps, signs = [], list[str]()
+        maps, signs, bed = [], list[str](), case.machine.bed
+        measured = _column(case.answer.residuals, "measured_mm")
         for title, touches, place_mm in _surfaces(case):
             # Without their mean: the first layer's height is set apart.
             mean_mm = measured[touches].mean()
-            models = {f"after, {model}": values for model, values in left.items()}
-            for model, values in {"before": measured - mean_mm, **models}.items():
-                heading = f"{model}{title}".replace(" and ", ", ", model.count(" and ") - 1)
-                maps.append(bed_map(heading, place_mm, values[touches], case.machine.bed))
-                if model in models:
-                    sigma_mm = case.machine.instrument.noise_mm
-                    signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
+            maps.append(bed_map(f"before{title}", place_mm, measured[touches] - mean_mm, bed))
+            for model, values in left.items():
+                few = model.replace(" and ", ", ", model.count(" and ") - 1)
+                heading = f"after, {few}{title}"
+                maps.append(bed_map(heading, place_mm, values[touches], bed))
+                signs += [f"{heading}:", *_signs(place_mm, values[touches], noise_mm)]
         plain = doc.Listing((*signs, *_BED_LEGEND))
         yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
         yield readings_table(case, distances=True)
     elif case.answer.input.kind == DataKind.READINGS:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        panels = reading_panels(
-            case.answer.residuals, left, noise_mm=case.machine.instrument.noise_mm
-        )
+        panels = reading_panels(case.answer.residuals, left, noise_mm=noise_mm)
         yield doc.Figure(panels, key=key, plain=_by_leg(case))
     else:
         yield readings_table(case)
@@ -666,11 +573,9 @@ def reading_panels(
     axis, at = _AXIS.get(over, ""), _column(rows, over) if over else np.zeros(len(rows))
     gauges: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
-        gauge = "all touches" if row.x_mm is not None else "all differences"
-        gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
+        gauges.setdefault(_gauge(row), []).append(k)
     chosen = {gauge: ks for gauge, ks in sorted(gauges.items()) if not shown or {*shown} & {*ks}}
-    known = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
-    panels = {gauge: ks for gauge, ks in known.items() if ks}
+    panels = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
     width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
@@ -682,19 +587,21 @@ def reading_panels(
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
-        if not over:
+        if not numbers:
+            continue
+        if over:
+            numbers.sort(key=at.__getitem__)
+            across = Scale.around(at[numbers].tolist(), 40.0, width - 6.0)
+            x, ticks = {k: across(at[k]) for k in numbers}, across.ticks()
+        else:
             numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
             names = list(dict.fromkeys(places[k] for k in numbers))
             across = Scale(-0.5, len(names) - 0.5, 40.0, width - 6.0)
             x = {k: across(names.index(places[k]) + 0.09 * (rows[k].cycle - 2.5)) for k in numbers}
             ticks = [(across(n), "", name) for n, name in enumerate(names)]
-        else:
-            numbers.sort(key=at.__getitem__)
-            across = Scale.around(at[numbers].tolist(), 40.0, width - 6.0)
-            x, ticks = {k: across(at[k]) for k in numbers}, across.ticks()
         parts = [rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")]
         parts = [*parts * bool(band), *upright(up, width, "µm", gauge)]
-        parts += [words(width - 6.0, height - 4.0, axis, "end", "muted")] if axis else []
+        parts += [words(width - 6.0, height - 4.0, axis, "end", "muted")] * bool(axis)
         columns, _, texts = zip(*ticks, strict=True)
         # The words of a posture stand one below the other.
         for n, row_words in enumerate(zip_longest(*map(str.split, texts), fillvalue="")):
@@ -710,50 +617,45 @@ def reading_panels(
                 parts.append(thread([(x[k], up(middle[k])) for k in ks]))
             elif not over:
                 parts.append(thread([(x[k], up(models[-1][k])) for k in ks]))
-        for values in models:
+        lists = []
+        for model, values in microns.items():
             style = "mark" if values is models[-1] else "mark open"
             parts += (mark(x[k], up(values[k]), rows[k].cycle - 1, style) for k in numbers)
+            listed = (f"{places[k]} {signed(values[k], 1)}" for k in numbers)
+            lists.append(f"{model}: {', '.join(listed)}")
         circled = ((x[k], up(models[0][k])) for k in numbers if k in ringed)
         parts += (tag("circle", cx=cx, cy=cy, r=9.0, class_="fault") for cx, cy in circled)
-        lists = (
-            f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
-            for model, values in microns.items()
-        )
         most = max(numbers, key=lambda k: abs(models[-1][k]))
         largest = " at ".join(filter(None, (signed(models[-1][most], 1), places[most])))
         seen = f"Residuals, µm; largest: {largest}. {'; '.join(lists)}."
-        colour = f"c-{rows[numbers[0]].leg or 'x'}"
-        title = f"Residuals{f' over {axis}' if axis else ''}, {gauge}"
-        pictures.append(svg(width, height, title, seen, parts, colour))
+        title = f"Residuals{f' over {axis}' * bool(axis)}, {gauge}"
+        pictures.append(svg(width, height, title, seen, parts, f"c-{rows[numbers[0]].leg or 'x'}"))
     return pictures
 
 
-def series_of(row: Residual) -> Series:
-    """The leg and direction of a reading."""
-    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
+def _gauge(row: Residual) -> str:
+    if row.leg:
+        return f"leg {row.leg}, direction {row.direction}"
+    return "all differences" if row.x_mm is None else "all touches"
 
 
 def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
     """The effect of the pattern with this number, over what it depends on."""
     rows = case.answer.residuals
-    effect = np.array([row.pattern_mm[number] for row in rows])
-    reach = np.array([row.pattern_expanded_mm[number] for row in rows])
+    names = "pattern_mm", "pattern_expanded_mm"
+    effect, reach = (_column(rows, name)[:, number] for name in names)
     wrong = [k for k, row in enumerate(rows) if row.wrong]
     key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without"
     key += " all other effects." + " Ringed: wrong, left out." * bool(wrong)
-    panels = reading_panels(
-        rows,
-        {pattern_words(case.machine, pattern): [*_left(case).values()][-1] + effect},
-        over=_DEPENDS.get(pattern.how if rows[0].leg else "", "minutes"),
-        effect_mm=(effect, reach),
-        shown=np.flatnonzero(reach).tolist(),
-        ringed=wrong,
-    )
+    left = {pattern_words(case.machine, pattern): [*_left(case).values()][-1] + effect}
+    over = _DEPENDS.get(pattern.how if rows[0].leg else "", "minutes")
+    drawn, shown = (effect, reach), np.flatnonzero(reach).tolist()
+    panels = reading_panels(rows, left, over=over, effect_mm=drawn, shown=shown, ringed=wrong)
     return doc.Figure(panels, 3 if rows[0].leg else 2, key=key)  # as wide as they are
 
 
 def _column(rows: Sequence[Residual], name: str) -> Floats:
-    """A quantity of the readings, shape (n,); NaN where it is not known."""
+    """A quantity of n readings, shape (n,), or (n, patterns); NaN where it is not known."""
     return np.array([getattr(row, name) for row in rows], np.float64)
 
 
@@ -775,19 +677,16 @@ def _left(case: Case) -> dict[str, Floats]:
 
 
 def readings_table(case: Case, *, distances: bool = False) -> doc.Grid:
-    """Every reading or difference as it was written down, and what the models leave of it.
-
-    With `distances` only the measured distances between places of a bed.
-    """
+    """Every reading or difference (only `distances` on a bed), and what the models leave of it."""
     chosen = [k for k, row in enumerate(case.answer.residuals) if row.distance or not distances]
     rows = [case.answer.residuals[k] for k in chosen]
     left = {model: values[chosen] for model, values in _left(case).items()}
     readings = case.answer.input.kind == DataKind.READINGS
     at, places = "difference", [row.posture or "" for row in rows]
     if _on_bed(case):
-        touches = [position_words((e.x_mm or 0.0, e.y_mm or 0.0), 1) for e in rows]
-        places = ["distance" if e.distance else xy for e, xy in zip(rows, touches, strict=True)]
-        at = "at"
+        at, touches = "at", ((row.x_mm or 0.0, row.y_mm or 0.0) for row in rows)
+        where = map(position_words, touches, [1] * len(rows))
+        places = ["distance" if e.distance else xy for e, xy in zip(rows, where, strict=True)]
     elif readings:
         keys = "leg", "direction", "posture", "end", "cycle"
         names = [key for key in keys if any(getattr(row, key) for row in rows)]
@@ -812,9 +711,9 @@ def _by_leg(case: Case) -> tuple[str, doc.Grid]:
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
     cells: dict[str, dict[str, list[int]]] = {}
     for k, row in enumerate(rows):
-        name = series_of(row).words
+        name = _gauge(row)
         name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
-        name += f", part {row.part}" if parts else ""
+        name += f", part {row.part}" * parts
         cells.setdefault(name, {}).setdefault(row.posture or "", []).append(k)
     table = []
     for name, at in sorted(cells.items()):
@@ -829,21 +728,19 @@ def _by_leg(case: Case) -> tuple[str, doc.Grid]:
 
 def _surfaces(case: Case) -> Iterator[tuple[str, list[int], Floats]]:
     """Each touched height of a bed, in words where there are several: its touches, (n, 2) [mm]."""
-    rows = [(k, row) for k, row in enumerate(case.answer.residuals) if not row.distance]
-    heights = sorted({row.surface_mm or 0.0 for _, row in rows})
-    for height in heights:
-        touches = [(k, row) for k, row in rows if (row.surface_mm or 0.0) == height]
-        places = np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for _, row in touches])
-        yield f", at {height:g} mm" if len(heights) > 1 else "", [k for k, _ in touches], places
+    rows = case.answer.residuals
+    heights = {k: row.surface_mm or 0.0 for k, row in enumerate(rows) if not row.distance}
+    levels = sorted({*heights.values()})
+    for level in levels:
+        touches = [k for k, height in heights.items() if height == level]
+        places = np.array([(rows[k].x_mm or 0.0, rows[k].y_mm or 0.0) for k in touches])
+        yield f", at {level:g} mm" * (len(levels) > 1), touches, places
 
 
 def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
-    """Rows of signs, y upwards, of touches (n, 2); blank where nothing was touched.
-
-    What is left of the touches of one cell, (n,), is averaged.
-    """
+    """Rows of signs, y upwards, of the means of what is left, (n,), of the touches, (n, 2)."""
     reach = np.abs(place_mm).max(initial=1.0)
-    y_mm, x_mm = place_mm[:, 1], place_mm[:, 0]
+    x_mm, y_mm = place_mm.T
     cells = partial(np.histogram2d, y_mm, x_mm, _CELLS, [(-reach, reach)] * 2)
     (count, *_), (total, *_) = cells(), cells(weights=left_mm)
     limits = sigma_mm * np.array([-4.0, -2.0, 2.0, 4.0])
@@ -886,20 +783,13 @@ def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
         sure = one and any(CAUSES[other.id].hides_reading for other in case.answer.causes)
         maps = []
         for title, at, places in _surfaces(case):
-            ringed = np.isin(at, one) if sure else None
-            name, bed = f"Residuals, {alone}{title}", case.machine.bed
-            maps.append(bed_map(name, places, before[at], bed, ringed=ringed))
+            ringed, title = np.isin(at, one) if sure else None, f"Residuals, {alone}{title}"
+            maps.append(bed_map(title, places, before[at], case.machine.bed, ringed=ringed))
         return doc.Figure(maps, 0, "Ringed: wrong." if sure else _RINGED)
     if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
         return sketch
     timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
-    panels = reading_panels(
-        rows,
-        left,
-        noise_mm=case.machine.instrument.noise_mm,
-        over="minutes" if timed else "",
-        shown=wrong,
-        ringed=one,
-    )
+    over, noise_mm = "minutes" * bool(timed), case.machine.instrument.noise_mm
+    panels = reading_panels(rows, left, noise_mm=noise_mm, over=over, shown=wrong, ringed=one)
     key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
     return doc.Figure(panels[:_MOST_GAUGES], 0, key)

@@ -1,8 +1,7 @@
 """A page as text for a terminal.
 
-Everything is wrapped to the terminal's width but commands and listings: those stay on their lines,
-so that they can be copied. The rows of a table that is too wide become sentences. Print with
-`soft_wrap=True`, which keeps what is wider.
+Everything is wrapped to its width but commands and listings, so that they can be copied: print with
+`soft_wrap=True`. The rows of a table that is too wide become sentences.
 """
 
 import re
@@ -18,13 +17,9 @@ from orthoglide_cal.report import document as doc
 
 _COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "yellow", "info": "blue"}
 _STYLES = {
-    "typed": "bold cyan",
-    "command": "bold cyan",
-    "code": "bold",
-    "strong": "bold",
-    "doubtful": "bold",
-    "small": "dim",
-    "blank": "dim",
+    **dict.fromkeys(("typed", "command"), "bold cyan"),
+    **dict.fromkeys(("code", "strong", "doubtful"), "bold"),
+    **dict.fromkeys(("small", "blank"), "dim"),
 }
 _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _GAP = "  "
@@ -47,9 +42,9 @@ def terminal(page: doc.Page, width: int) -> Text:
 
 
 def fitting(make: Callable[[], doc.Page], *spare: Spare, lines: int = 24) -> doc.Page:
-    """The page as it is made once so much gave way that so many lines of 80 columns hold it.
+    """The page as it is made once so many lines of 80 columns hold it.
 
-    The last entries of the first list go first, then those of the next one.
+    The last entries of the first list of `spare` go first, then those of the next one.
     """
     while terminal(page := make(), 80).plain.count("\n") >= lines and any(spare):
         next(part for part in spare if part).pop()
@@ -57,8 +52,6 @@ def fitting(make: Callable[[], doc.Page], *spare: Spare, lines: int = 24) -> doc
 
 
 class _Lines:
-    """Lines so many columns wide."""
-
     def __init__(self, width: int) -> None:
         self._width = width
 
@@ -86,7 +79,6 @@ class _Lines:
             yield Text()
 
     def _block(self, block: doc.Block, indent: str = "") -> Iterator[Text]:
-        """Its lines; a paragraph behind an indentation."""
         match block:
             case doc.Notice():
                 yield from self._notice(block)
@@ -122,10 +114,7 @@ class _Lines:
     def _paragraph(
         self, content: doc.Blank, first: str | Text = "", rest: str = "", style: str = ""
     ) -> Iterator[Text]:
-        """A line of the page on as many lines as it takes; its command stays whole.
-
-        `first` and `rest` stand in front of its lines.
-        """
+        """A line of the page behind `first` and `rest`; its command stays whole."""
         parts = doc.parts_of(content)
         whole = (k for k, part in enumerate(parts) if part.style in ("typed", "blank"))
         end = next(whole, len(parts))
@@ -195,6 +184,5 @@ def _wrapped(text: Text, width: int) -> list[Text]:
 
 
 def _hung(lines: Iterable[Text], first: str | Text, rest: str | Text) -> Iterator[Text]:
-    """Lines behind a beginning."""
     for number, line in enumerate(lines):
         yield Text.assemble(rest if number else first, line)

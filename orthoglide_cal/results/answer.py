@@ -71,9 +71,7 @@ class Release(Schema):
     cautions: tuple[Sentence, ...] = Field((), description="what to know although they may be")
     remedies: tuple[Remedy, ...] = Field((), description="what to do instead, or about causes")
     sound: bool = Field(True, description="false: no parameters, or they fail their own check")
-    needed: bool = Field(
-        True, description="false: entering nothing loses least, the controller keeps what it has"
-    )
+    needed: bool = Field(True, description="false: entering nothing has the least expected loss")
 
     @computed_field(description="they may be entered")
     @property
@@ -147,17 +145,11 @@ class Residual(Schema):
     order: int = Field(description="rank in time, from 1")
     minutes: float | None = Field(None, description="since the session began")
     temperature_c: float | None = None
-    moved_mm: float | None = Field(
-        None, description="since the gauge's reading before; null: the first of its set-up"
-    )
+    moved_mm: float | None = Field(None, description="since the reading before; null: the first")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
-    with_causes_mm: float | None = Field(
-        None, description="with the causes, or patterns, that were found"
-    )
-    pattern_mm: tuple[float, ...] = Field(
-        (), description="what each pattern that is accepted adds, in their order"
-    )
+    with_causes_mm: float | None = Field(None, description="with causes, or patterns, found")
+    pattern_mm: tuple[float, ...] = Field((), description="what each accepted pattern adds")
     pattern_expanded_mm: tuple[float, ...] = Field((), description="U of that")
     wrong: bool = Field(False, description="called wrong by itself: nothing else rests on it")
 
@@ -207,9 +199,7 @@ class Answer(Schema):
     simulated: bool = Field(description="a simulator made readings: never exported, nor written")
     method: str | None = Field(None, description="null: there is no result")
     verdict: Verdict | None = Field(None, description="null: there is no result")
-    refuted: Sentence | None = Field(
-        None, description="what the best explanation did not see, and which contradicts it"
-    )
+    refuted: Sentence | None = Field(None, description="what refutes the best explanation")
     judgement: Sentence | None = Field(None, description="are the residuals what noise would give?")
     explanations: tuple[Explanation, ...] = Field((), description="those not dismissed, best first")
     release: Release
@@ -233,13 +223,8 @@ class Answer(Schema):
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
-    beyond_tolerance: tuple[TimesStated, ...] = Field(
-        (), description="would explain what is unexplained, far beyond their plausible size"
-    )
-    unshown: tuple[UnshownFault, ...] = Field(
-        (),
-        description="faults, in addition to the named causes, that these readings would not show",
-    )
+    beyond_tolerance: tuple[TimesStated, ...] = Field((), description="causes far too large")
+    unshown: tuple[UnshownFault, ...] = Field((), description="possible besides the named causes")
     ruled_out: Ids = Field((), description="looked at by hand, and not there")
     not_excluded: Ids = Field((), description="may be there, too small to show")
     assumed: Ids = Field((), description="causes whose plausible size nobody stated")
@@ -249,9 +234,7 @@ class Answer(Schema):
     next_measurement: NextMeasurement | None = None
     check: CheckReading | None = None
     workspace: Workspace | None = None
-    sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
-        None, description="with all plausible sizes changed"
-    )
+    sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = None
     others: tuple["Answer", ...] = Field(
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )
@@ -277,10 +260,10 @@ class Identity(Schema):
 
 
 def identify(inputs: Iterable[Input], *options: object, issued: datetime | None = None) -> Identity:
-    """Identity of a result: another number for whatever a report shows otherwise.
+    """Identity of a result; it is issued now if no time is given.
 
-    Of each file, with the machine that it is judged by, and of all options that change the content
-    (their `str` distinguishes them). It is issued now if no time is given.
+    The number is another for other files, for other machines that they are judged by, and for other
+    options that change the content (their `str` distinguishes them).
     """
     software = f"orthocal {__version__}"
     parts = []

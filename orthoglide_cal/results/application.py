@@ -150,11 +150,10 @@ def apply(
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
-    What was active before is what the measurement says of it, not what stands in the file. A
-    released answer that needs nothing to be entered changes nothing. Raises UsageError: the
-    measurement is of another machine, or was applied before, or other offsets were entered after
-    it; the controller's file is of another kind of machine, or does not hold what it held when that
-    was measured.
+    What was active before is what the measurement says of it. A released answer that needs nothing
+    to be entered changes nothing. Raises UsageError: the measurement is of another machine, was
+    applied before, or other offsets were entered since; the controller's file is of another kind of
+    machine, or does not hold what it held then.
     """
     source, model = given.measured.source, given.model
     for machine in (file.model.machine, model.machine):
@@ -206,9 +205,9 @@ def apply(
                 instead = "state these settings in the machine file that you name."
             fault = f"{controller.target}: {unlike} {since}"
             raise UsageError(fault, f"Restore it, or {instead}")
-        first = Reason.of("first_written") if adds and not stood else None
+        first = [Reason.of("first_written")] * (adds and not stood)
         nozzle = (remark for remark in given.measured.remarks if remark.code in NOZZLE)
-        remarks = [*controller.remarks, *filter(None, [first]), *nozzle]
+        remarks = [*controller.remarks, *first, *nozzle]
         changes = {p.name: p.change(digits) for p in answer.parameters}
         written, data = controller.changed(model, changes, _added_to({}, made), digits)
     entry = entry.changed(written=written)
@@ -285,7 +284,6 @@ def _corrections(model: Model, answer: Answer, controller: ControllerFile) -> It
 
 
 def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
-    """The corrections in force with some more."""
     sums = {id: dict(values) for id, values in active.items()}
     for one in made:
         values = sums.setdefault(one.id, {})
@@ -294,10 +292,7 @@ def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
 
 
 def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
-    """Return whether a machine file keeps what is entered after this measurement.
-
-    Elsewhere: the controller itself does.
-    """
+    """Return whether a machine file keeps what is entered; elsewhere: the controller does."""
     file = given.keeper
     if not given.model.machine.keeps_entered:
         return "elsewhere"
@@ -321,13 +316,11 @@ def unwritten(file: StoredMachine) -> str | None:
 
 
 def _last_written(file: StoredMachine) -> Written | None:
-    """Lines that the last entry wrote to a controller's file; None for none."""
     history = file.model.machine.history
     return history[-1].written if history else None
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:
-    """Raises UsageError for the file of another machine than what was measured."""
     machine, measured = file.model.machine, measured_on.machine
     others = ["name"] if measured.name != machine.name else []
     others += [key for key in differing(measured_on, file.model) if key not in but]
@@ -340,7 +333,6 @@ def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[s
 
 
 def _check_recordable(given: Input, file: StoredMachine) -> None:
-    """Raises UsageError if what was entered from this measurement cannot be recorded there."""
     machine, path = file.model.machine, file.document.path
     source, before = given.measured.source, given.model.machine.active
     _check_same_machine(given.model, file)
@@ -371,9 +363,8 @@ def take_back(
 ) -> Application:
     """Undo the last entry: it leaves the history, and what was before it is active again.
 
-    `sha256` is of the measurement that it must come from; None for any. Raises UsageError: there is
-    no such entry, or the offsets were changed since; it was written to another file than this
-    controller's, or that does not hold what was written any more.
+    It must come from measurement `sha256`, if that is given. Raises UsageError: there is no such
+    entry, the offsets or the controller's file were changed since, or it was written to another.
     """
     machine, path = file.model.machine, file.document.path
     if not machine.history:

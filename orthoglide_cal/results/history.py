@@ -114,7 +114,6 @@ class History(Schema):
 
     @field_serializer("drift")
     def _rates(self, drift: Sizes) -> list[dict[str, str | float | None]]:
-        """Rates; null where no dates are known."""
         known = [(r.value, r.std) if self.dated else (None, None) for r in drift]
         rows = zip(drift, known, strict=True)
         return [{"name": r.name, "unit": r.unit, "per_day": v, "std": u} for r, (v, u) in rows]
@@ -127,9 +126,8 @@ class History(Schema):
 class _Session:
     """One session, diagnosed with the machine of the last one; a printer with what it has in each.
 
-    Once settled it has parameters and causes of any date as it finds them: `values` (p,) in their
-    units, `covariance` (p, p) of what is its own, and in `common` what one standard deviation of
-    each other source adds, (p, q), by the source and by what makes it the same in other sessions.
+    Settled: `values` (p,) of parameters and of causes of any date, `covariance` (p, p) of what is
+    its own, and in `common` what one standard deviation of each other source adds, (p, q).
     """
 
     def __init__(self, given: Input, last: Model) -> None:
@@ -149,10 +147,7 @@ class _Session:
             self.decision = decided(given.measured, model)
 
     def conclude(self, later: "_Session | None") -> None:
-        """Take over what was decided; a name only if a later session does not refute it.
-
-        Other faults of the later one are no evidence against a name.
-        """
+        """Take over what was decided; a name only if a later session without others agrees."""
         decision = self.decision
         if later and decision.verdict is Verdict.NAMED:
             other = later.decision
@@ -254,7 +249,6 @@ def _fit_with(causes: tuple[Cause, ...], hypothesis: Hypothesis, scale: float) -
     """The fit of a hypothesis with these lasting causes in place of its own, of sizes so scaled."""
 
     def listing(at: Linearised) -> Linearised:
-        """The linear model with those of which its readings alone say nothing."""
         lacking = tuple(cause for cause in causes if cause.id not in at.jacobians)
         broad = (*at.candidates.broad, *lacking)
         return Linearised.of(at.white, replace(at.candidates, broad=broad)) if lacking else at
@@ -293,14 +287,6 @@ def _reached(
     return reached.changed(parameter=first, days=days[first], date=date)
 
 
-def _of_date(given: Input, date: str) -> Input:
-    """An input measured on a stated date. Raises UsageError: it is none."""
-    stated = replace(given, conditions=given.conditions.changed(started=date))
-    if stated.moment is None:
-        raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
-    return stated
-
-
 def compare(
     inputs: Sequence[Input],
     dates: Sequence[str] = (),
@@ -315,18 +301,19 @@ def compare(
         limit_mm: largest change that is allowed of a length; None for no limit.
         adjusted: digest of a session → what was adjusted after it.
 
-    Raises:
-        UsageError: not one machine, or dates that do not fit.
-        UnusableResultError: a session does not determine the parameters.
+    Raises UsageError: not one machine, or dates that do not fit; UnusableResultError: a session
+    does not determine the parameters.
     """
     if len(dates) not in (0, len(inputs)):
         raise UsageError(
             f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
-    if dates:
-        inputs = [*map(_of_date, inputs, dates)]
-    notes = list[Reason]()
+    inputs, notes = [*inputs], list[Reason]()
+    for k, date in enumerate(dates):
+        inputs[k] = replace(inputs[k], conditions=inputs[k].conditions.changed(started=date))
+        if inputs[k].moment is None:
+            raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
     measured = [one for one in inputs if not one.measured.source.simulated]
     simulated = not measured
     if measured and len(measured) < len(inputs):
@@ -409,8 +396,7 @@ def compare(
         rows.append(row)
     drifts = (sized(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING))
     drift = tuple(chain(*drifts))
-    every = sized(0.0 * fit.homing, np.diag(fit.homing**2))
-    scatter = tuple(compress(every, fit.scatter))
+    scatter = tuple(compress(sized(0.0 * fit.homing, np.diag(fit.homing**2)), fit.scatter))
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     advice: str = verdict
     if rivals:

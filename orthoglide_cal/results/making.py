@@ -61,8 +61,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("refuted", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
-    "sensitivity",
+    *("refuted", "patterns", "unshown", "beyond_tolerance", "assumed_sizes", "sensitivity"),
 )
 
 
@@ -80,16 +79,13 @@ def answer_to(
 
     Args:
         method: name of an estimator; then the answer holds the parameters alone.
-        diagnosed: a diagnosis of it that was made already; it is made here if None.
+        diagnosed: its diagnosis, if that was made already.
         holdout: file of the readings that the diagnosis predicted; None for those left out.
-        details: also what only details, JSON and pages show: how the answer depends on plausible
-            sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
+        details: also sensitivity, the tool's error, and the residuals if nothing is wrong.
         corrects: ids that the controller is to correct, too: those hold no release.
         dates: of which the input is made, oldest first; each is given its parameters.
 
-    Raises:
-        UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
-            answer says so.
+    Raises UsageError, InputError as `solve`; of a result that must not be used the answer says so.
     """
     measured, model = given.measured, given.model
     machine, conditions = model.machine, validity(given)
@@ -104,8 +100,7 @@ def answer_to(
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
         solution = solve(measured, model, method) if method else diagnosis.alone
     except UnusableResultError as error:
-        excerpt = measured.source.excerpt
-        unknown = excerpt is not None and excerpt.unknown
+        unknown = measured.source.excerpt and measured.source.excerpt.unknown
         reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
         remedies = (Remedy.of("do", what=error.remedy),) if error.remedy else ()
         refused = Release(reasons=(reason,), remedies=remedies, sound=False)
@@ -156,14 +151,9 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    if shown_alone:
-        left_mm = solution.rms_after_mm
-    elif named:
-        left_mm = diagnosis.causes[0].rms_after_mm
-    elif diagnosis.acting:
-        left_mm = diagnosis.acting[0].rms_after_mm
-    else:
-        left_mm = solution.at(chosen.offsets_mm).rms_after_mm
+    at_chosen = solution if shown_alone else solution.at(chosen.offsets_mm)
+    explaining = () if shown_alone else diagnosis.causes if named else diagnosis.acting
+    left_mm = next((one.rms_after_mm for one in explaining), at_chosen.rms_after_mm)
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack = diagnosis.lack_of_fit
     workspace, std = None, budget.std_mm
@@ -331,10 +321,9 @@ def _with_others(
     """
     reasons, cautions = [], []
     for other in others:
-        pairs = zip(parameters, other.parameters, strict=False)
         apart = [
             (one.name, its.found - one.found, one.unit)
-            for one, its in pairs
+            for one, its in zip(parameters, other.parameters, strict=False)
             if one.found is not None and its.found is not None
             if abs(one.found - its.found) > math.hypot(one.expanded, its.expanded)
         ]
@@ -455,16 +444,10 @@ def release(
     """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
-    prevents it only if it moves the offsets by more than their uncertainty.
-
-    Args:
-        solution: of the offsets alone, with the accepted causes; it checks itself again here.
-        diagnosis: of the same data.
-        following: what would distinguish the explanations that it leaves open; None without.
-        corrects: ids that the controller is to correct, too: those hold no release.
+    prevents it only if it moves the offsets by more than their uncertainty, and the controller is
+    not to correct it (`corrects`). `following` would distinguish what is left open.
     """
-    failures = tuple(_failures(solution))
-    judged = Release()
+    failures, judged = tuple(_failures(solution)), Release()
     if diagnosis.verdict is Verdict.NAMED:
         judged = _named(solution, diagnosis, following, corrects)
     elif diagnosis.verdict is Verdict.AMBIGUOUS:
@@ -483,22 +466,15 @@ def release(
         if baselines.better == "quartic":
             code, mm = "make_mesh", baselines.quartic_mm
         remedies = (Remedy.of(code, mm=mm, extension_mm=baselines.extension_mm), *remedies)
-    more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
-    return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)
-
-
-def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
-    """Cautions about offsets that are released."""
-    factor = diagnosis.left_open[0][1].scale_factor
-    judged = diagnosis.lack_of_fit.judgement
-    suspicious = judged.code == "residuals_too_large"
+    factor, fit = diagnosis.left_open[0][1].scale_factor, diagnosis.lack_of_fit.judgement
+    doubtful = not solution.dof or (
+        diagnosis.verdict is Verdict.CONSISTENT and fit.code == "residuals_too_large"
+    )
     # As stated, not as widened by the diagnosis to cover what is left.
     if round(factor, 1) > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
-        yield Reason.of("local_shape", factor=factor)
-    elif not solution.dof or (suspicious and diagnosis.verdict is Verdict.CONSISTENT):
-        # Without spare readings nothing can contradict or support the offsets. What a named
-        # cause explains does not.
-        yield judged
+        fit, doubtful = Reason.of("local_shape", factor=factor), True
+    more = [fit] if doubtful and judged.usable else []
+    return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)
 
 
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:

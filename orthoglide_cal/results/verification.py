@@ -107,7 +107,7 @@ class ComparedDifference(PromisedDifference):
 
     @classmethod
     def of(cls, row: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
-        """The promise, and the value measured `after` with its U `u` and a `limit`, all in mm."""
+        """The promise and what was measured, with its U and a limit [mm]."""
         outcome = None
         if limit is not None:
             room = limit - abs(after)
@@ -168,7 +168,6 @@ class Verification(Schema):
 
     @property
     def failed(self) -> bool:
-        """True if it is not as predicted, or a deviation is beyond the limit."""
         beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
         return beyond or not self.kept
 
@@ -185,17 +184,14 @@ def verify(
 
     Args:
         before, after: of the same machine, measured with the same protocol.
-        applied_mm: what was added to the controller's values between the two, in their order;
-            None takes what the inputs say, or the machine file that records it.
+        applied_mm: added to the controller's values between the two, in their order; None takes
+            what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
         adjusted: what screws removed between the two, in addition.
         typed: the command with the two in the other order, for a refusal.
 
-    Raises:
-        UsageError: the second was measured first, or holds the same readings; different machines;
-            nobody says what was applied or nothing was, an option that says nothing of such data,
-            or the two have nothing in common.
-        UnusableResultError: one of them does not determine the parameters.
+    Raises UsageError: the two cannot be compared, or nobody says what was applied;
+    UnusableResultError: one of them does not determine the parameters.
     """
     require_distinct((before, after))
     ordered = require_order(before, after, typed)
@@ -263,7 +259,7 @@ def verify(
         rms_promised_mm=rms(will_be),
         rms_after_mm=rms(now),
         remains=None if adjusted else remainder(rows, model),
-        applied_mm=_by_axis(applied),
+        applied_mm=dict(zip(AXES, applied.tolist(), strict=True)),
         corrected=corrected,
         differences=tuple(rows),
         **response,
@@ -346,19 +342,17 @@ def _common(
     solutions: tuple[Solution, Solution],
     entered: Sequence[float | None],
 ) -> dict[str, object]:
-    """Fields for any kind of machine: both inputs, and what was entered in between."""
     before, after = (
         ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
         for given, solution in zip(inputs, solutions, strict=True)
     )
-    reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
         "simulated": any(given.measured.source.simulated for given in inputs),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
-        "reservations": tuple(reservations),
+        "reservations": tuple(compare_reservations(before.validity, after.validity)),
         "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
     }
 
@@ -381,10 +375,6 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
         first, second = (sum(pair) / len(pair) for pair in known)
         if abs(second - first) > STEP_K:
             yield Reason.of("temperatures_differ", before_c=first, after_c=second)
-
-
-def _by_axis(values: Floats) -> dict[str, float]:
-    return dict(zip(AXES, values.tolist(), strict=True))
 
 
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
@@ -449,11 +439,8 @@ def _respond(
 ) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
-    Args:
-        before, after: of a machine, `model`.
-        added: what its controller corrects since the first one.
-        offsets: Δρ before the correction, shape (3,) [mm].
-        applied: δ, shape (3,) [mm]; all zero only where something was corrected.
+    To `applied`, δ, shape (3,) [mm], and to what its controller corrects since (`added`); one of
+    the two is there. `offsets` are Δρ before, shape (3,) [mm].
     """
     kind, first, second, change = shared_differences(before, after, model)
     gauge, remaining = model.machine.instrument, offsets - applied
@@ -489,7 +476,7 @@ def _respond(
         "response_dof": len(change) - 1,
         "axes": axes,
         "answer": answer,
-        "acted_as_mm": _by_axis(likeliest.moved) if another else None,
+        "acted_as_mm": dict(zip(AXES, likeliest.moved.tolist(), strict=True)) if another else None,
         "other_change": OtherChange(
             rms_mm=typical * math.sqrt(left / spare),
             noise_mm=typical * gauge.noise_mm,
@@ -503,18 +490,15 @@ def _respond(
 def shared_differences(
     before: Measured, after: Measured, model: Model
 ) -> tuple[DataKind, Problem, Problem, Floats]:
-    """The k differences that both sessions of a machine hold, of the kind with most of them.
+    """The k differences that both sessions hold, of the kind with most of them; at least four.
 
-    That kind, the problems of both, and the change, after − before, measured, (k,) [mm]. Raises
-    UsageError: they share fewer than four.
+    That kind, the problems of both, and the measured change, after − before, (k,) [mm].
     """
     every = []
     for kind in (kind for kind in DIFFERENCES if kind in before.kinds and kind in after.kinds):
         (first, was), (second, now) = (pose(data, model, kind) for data in (before, after))
-        one, other = (
-            np.array([difference in which for difference in problem.which], dtype=bool)
-            for problem, which in ((first, second.which), (second, first.which))
-        )
+        one = np.array([difference in second.which for difference in first.which], dtype=bool)
+        other = np.array([difference in first.which for difference in second.which], dtype=bool)
         every.append((kind, first.only(one), second.only(other), now[other] - was[one]))
     shared = max(every, key=lambda row: len(row[-1]), default=None)
     if shared is None or len(shared[-1]) < 4:

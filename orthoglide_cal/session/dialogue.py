@@ -431,7 +431,7 @@ class Dialogue:
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
-        may_move = pending.doubt.compares and not pending.about
+        may_move = pending.doubt.compares
         value = value_text(pending.value_mm, self.request.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
         here = step.cell, step.zero
@@ -540,9 +540,8 @@ class Dialogue:
             self.write(taken)
             self._acknowledge(step, value)
             return
-        same = taken.model_dump(exclude={"kind"})
-        doubt, text, about = question
-        asked = Questioned(**same, doubt=doubt, question=text, about=about)
+        doubt, text = question
+        asked = Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text)
         self.write(asked)
         self.asker.rest(driving=False)
         before = [old for old, _ in self.state.replaced if old.step == step.number]

@@ -165,7 +165,7 @@ class Questioned(Arrived):
     kind: Literal["questioned"] = "questioned"
     doubt: Doubt
     question: str  # the sentence shown
-    about: int = 0  # step from which on something may be wrong; 0 if it is this one alone
+    about: int = 0  # of earlier versions: step since which a gauge may be wrong
 
 
 class Answered(Event):

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property, lru_cache
 from statistics import NormalDist, median
@@ -170,8 +170,7 @@ class ReadingsSoFar:
         # Since the session began, shape (n,).
         self.minutes: Floats = np.array([item.take.minutes for item in items]).round(TICK_DECIMALS)
         self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
-        # Doubts of readings that were kept, with the step that they were about.
-        self.settled: set[tuple[Doubt, int]] = set()
+        self.settled: set[Doubt] = set()  # of readings that were kept
         # The step at which the stand of each was moved last; None if it never was.
         self.moved: list[int | None] = []
         # Not 0 where a reading that was kept in doubt began a new zero.
@@ -189,19 +188,16 @@ class ReadingsSoFar:
             self.setup.append(known.setdefault(zero, len(known)))
             doubted = False
             if isinstance(take, Questioned):
-                self.settled.add((take.doubt, take.about))
+                self.settled.add(take.doubt)
                 # One that showed that its stand was moved is right: only the zero before is not.
-                # A doubt about an earlier set-up says nothing of this one.
-                here = steps[(take.about or take.step) - 1].setup == step.setup
-                doubted = take.doubt.compares and here and (take.step, rank) not in state.moved
+                doubted = take.doubt.compares and (take.step, rank) not in state.moved
             if doubted:
                 begun[step.zero] = index + 1
             else:
                 proven.append(index)
-        # What the last reading is compared with, (k,); and with itself, (k + 1,).
+        # What the last reading is compared with, (k,).
         last = len(self.steps) - 1
         self.past: Ints = np.array([index for index in proven if index != last], dtype=np.int64)
-        self.compared: Ints = np.append(self.past, last)
         # Of these the readings by the same gauge in the same set-up; and in the same cell.
         self.series = [i for i in self.past.tolist() if self.setup[i] == self.setup[last]]
         self.repeats = [i for i in self.series if self.steps[i].cell == self.steps[last].cell]
@@ -324,25 +320,32 @@ class ReadingsSoFar:
         return [step for step in left if step.visit != closing[0].visit]
 
     @cached_property
-    def partner(self) -> Ints:
-        """Set-up of the other gauge of the same leg, (n,); −1 without one."""
-        setups = zip(self.steps, self.setup, strict=True)
-        last = {(step.setup, step.leg, step.stand): setup for step, setup in setups}
-        return np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in self.steps])
+    def partner(self) -> int | None:
+        """Set-up of the other gauge of the last reading's leg; None without one."""
+        setups, last = zip(self.steps, self.setup, strict=True), self.steps[-1]
+        other = (last.setup, last.leg, 1 - last.stand)
+        return {(s.setup, s.leg, s.stand): setup for s, setup in setups}.get(other)
 
     @cached_property
     def forecast(self) -> Mixture:
-        """Forecast of 2·n readings: these, and the same with the gauges of each leg exchanged."""
-        cells, paired = [step.cell for step in self.steps], self.partner >= 0
-        leg, direction = np.array([(cell.leg, cell.direction) for cell in cells]).T
-        plan = plan_of(
-            2 * cells,
-            direction=np.append(direction, np.where(paired, 3 - leg - direction, direction)),
-            setup=np.append(self.setup, np.where(paired, self.partner, self.setup)),
-            order=np.tile(np.arange(len(cells)), 2),
-            hours=np.tile(self.minutes / 60.0, 2),
-        )
-        return forecast(self.setting.model, plan, np.tile(self.fresh, 2), self.sigma_mm)
+        """Forecast of these n readings, and of the last as its leg's other gauge would read it."""
+        rows = [*range(len(self.steps)), *[-1] * (self.partner is not None)]
+        plan = plan_of([self.steps[i].cell for i in rows])
+        direction, setup = plan.direction.copy(), np.array(self.setup)[rows]
+        if self.partner is not None:
+            direction[-1], setup[-1] = 3 - plan.leg[-1] - direction[-1], self.partner
+        order = np.arange(len(self.steps))[rows]
+        hours = self.minutes[rows] / 60.0
+        plan = replace(plan, direction=direction, setup=setup, order=order, hours=hours)
+        return forecast(self.setting.model, plan, np.array(self.fresh)[rows], self.sigma_mm)
+
+    def prediction(self, past: Floats, exchanged: bool = False) -> Mixture:
+        """The last reading, given those of its `past` (k, q), of as many sessions [mm].
+
+        `exchanged`: as its leg's other gauge reads it.
+        """
+        row = len(self.steps) - (not exchanged)
+        return self.forecast.given(past, self.past, np.array([row]))
 
     @property
     def sigma_mm(self) -> float:
@@ -452,58 +455,14 @@ def _same(*keys: Ints) -> Bools:
 # result depends on them.
 RARE = 1.0 / SESSIONS_A_QUESTION / 60.0
 LIMIT = -NormalDist().inv_cdf(RARE / 2.0)
-# How much likelier all readings must be with the signs or gauges of a whole leg reversed. A
-# likelihood ratio that is watched all the time exceeds c by chance with a probability of at most
-# 1/c (Ville's inequality); a session watches nine of them.
-RATIO = 9.0 * SESSIONS_A_QUESTION
-
 _NUMBERS = ("no", "one", "two", "three", "four", "five")
 
 
 class Question(NamedTuple):
-    """A doubt in one sentence; `about` as in `events.Questioned`."""
+    """A doubt in one sentence."""
 
     doubt: Doubt
     text: str
-    about: int = 0
-
-
-class Blunder(NamedTuple):
-    """A blunder by what undoes it in k readings: factors, rows of the forecast, a last shift."""
-
-    question: Question
-    factors: Floats
-    rows: Ints
-    shift_mm: float = 0.0  # of the last reading
-
-
-class Evidence:
-    """Evidence against q values of the last reading (q,), of as many sessions [mm].
-
-    `known` are the readings of its `past`, (k, q).
-    """
-
-    def __init__(self, readings: ReadingsSoFar, known: Floats, value: Floats) -> None:
-        rows, forecast, settled = readings.compared, readings.forecast, readings.settled
-        self.prediction = forecast.given(known, rows[:-1], rows[-1:])  # from the readings before
-        # Chance of a reading at least this far off, (q,).
-        self.tail: Floats = self.prediction.tail(value[None])[0]
-        # Blunders of whole legs; all that the model says of these is said in the first cycle.
-        self.whole = [
-            reversal
-            for reversal in (() if readings.repeats else _reversals(readings))
-            if (reversal.question.doubt, reversal.question.about) not in settled
-        ]
-        values = np.vstack((known, value))
-        base = forecast.log_density(values, rows) if self.whole else 0.0
-        fits = (forecast.log_density(values * r.factors[:, None], r.rows) for r in self.whole)
-        # Log likelihood ratios in favour of those, (len(whole), q).
-        self.gains: Floats = np.array([fit - base for fit in fits]).reshape(-1, len(value))
-
-    @property
-    def questioned(self) -> Bools:
-        """True where a question is due, shape (q,)."""
-        return np.asarray((self.tail < RARE) | (self.gains > math.log(RATIO)).any(axis=0))
 
 
 def check(readings: ReadingsSoFar, unit: Unit) -> Question | None:
@@ -532,7 +491,7 @@ def check_divisions(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     in_tenths = division_mm / MM_PER_INCH * 1e5
     # On an inch scale they need not be those of the mm scale in the machine file.
     other = unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6
-    if (Doubt.GRID, 0) in readings.settled or other or not off_scale(value, division_mm):
+    if Doubt.GRID in readings.settled or other or not off_scale(value, division_mm):
         return None
     between = f"between the gauge's divisions of {in_unit(division_mm, unit)}"
     return Question(Doubt.GRID, f"{in_unit(float(value), unit)} lies {between}: mistyped?")
@@ -545,7 +504,7 @@ def check_repeats(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     """
     gauge = readings.setting.machine.instrument
     # A session's first repeat is the first that can say something.
-    if not readings.repeats or {(Doubt.DEAD, 0), (Doubt.SCATTER, 0)} & readings.settled:
+    if not readings.repeats or {Doubt.DEAD, Doubt.SCATTER} & readings.settled:
         return None
     known = dict[object, int]()
     cell = np.array([known.setdefault(step.cell, len(known)) for step in readings.steps])
@@ -565,88 +524,45 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     """The question that the last reading raises after those before it; None if it fits."""
     if not readings.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
-    value = float(readings.value[-1])
-    evidence = Evidence(readings, readings.value[readings.past][:, None], np.array([value]))
-    if not evidence.questioned.item():
+    prediction = readings.prediction(readings.value[readings.past][:, None])
+    if prediction.tail(readings.value[None, -1:]).item() >= RARE:
         return None
-    if evidence.tail.item() >= RARE:
-        best = evidence.whole[int(np.argmax(evidence.gains))].question
-        return best._replace(text=f"the readings together would fit far better: {best.text}")
-    expected, std = evidence.prediction.mean.item(), evidence.prediction.std.item()
-    far = _how_far(readings, unit, expected, std)
-    likely = list(_explanations(readings, evidence))
+    far = _how_far(readings, unit, prediction.mean.item(), prediction.std.item())
     moved = f"since step {readings.steps[readings.series[-1]].number}"
+    likely = sorted(_explanations(readings, prediction), key=lambda pair: -pair[0])
     if not likely:
         if readings.repeats:
             return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
         return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
-    likely.sort(key=lambda pair: -pair[0])
     # The best explanation, and others that are nearly as good.
     (most, best), words = likely[0], dict[Doubt, str]()
-    for chance, question in likely:
+    for chance, (doubt, text) in likely:
         if chance * NEEDLESS_HOLD >= most * MISSED_FAULT:
-            words.setdefault(question.doubt, question.text)
+            words.setdefault(doubt, text)
     text = f"{far}: {' or '.join(words.values())}"
     if readings.repeats and best.doubt is not Doubt.REVOLUTION:
         text += f" or has the stand moved {moved}?"
     return best._replace(text=text)
 
 
-def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
-    """Blunders that may have lasted since the first reading of a gauge or leg."""
-    rows = readings.compared
-    steps = [readings.steps[i] for i in rows]
-    whole, paired = np.array(readings.fresh)[rows] == 0, readings.partner[rows] >= 0
-
-    def since(doubt: Doubt, words: str, mine: Bools) -> Question:
-        first = steps[int(np.argmax(mine))].number
-        return Question(doubt, f"{words} since step {first}?", first)
-
-    for leg, direction in dict.fromkeys(step.series for step in steps):
-        mine = np.array([step.series == (leg, direction) for step in steps])
-        if mine.sum() > 1 and np.all(whole[mine]):
-            words = f"gauge {AXES[direction].upper()} with the opposite sign"
-            yield Blunder(since(Doubt.SIGN, words, mine), np.where(mine, -1.0, 1.0), rows)
-    for setup in dict.fromkeys(step.setup for step in steps):
-        mine = np.array([step.setup == setup for step in steps])
-        if mine.sum() > 2 and np.all(whole[mine] & paired[mine]):
-            question = since(Doubt.EXCHANGED, "are the two gauges exchanged", mine)
-            swapped = np.where(mine, rows + len(readings.steps), rows)
-            yield Blunder(question, np.ones(len(rows)), swapped)
-
-
-def _explanations(readings: ReadingsSoFar, evidence: Evidence) -> Iterator[tuple[float, Question]]:
-    """Blunders that the last reading does not contradict, and which it shows.
-
-    With the chance of a reading at least this far off if so.
-    """
-    rows, value = readings.compared, readings.value[readings.compared]
-    away = value[-1] - evidence.prediction.mean.item()
-
-    def of_last(doubt: Doubt, words: str, factor: float = 1.0, shift_mm: float = 0.0) -> Blunder:
-        factors = np.append(np.ones(len(rows) - 1), factor)
-        return Blunder(Question(doubt, words), factors, rows, shift_mm)
-
-    blunders: list[Blunder] = []
-    if turn := readings.setting.machine.instrument.turn_mm:
-        slip = math.copysign(turn, away)
-        for turns in (1, 2, 3):
-            words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-            blunders.append(of_last(Doubt.REVOLUTION, words, shift_mm=-turns * slip))
-    blunders.append(of_last(Doubt.SIGN, "opposite sign?", -1.0))
-    blunders += [of_last(Doubt.POINT, "decimal point misplaced?", k) for k in (10.0, 0.1)]
-    if readings.partner[-1] >= 0:
-        swapped = np.append(rows[:-1], rows[-1] + len(readings.steps))
-        exchanged = of_last(Doubt.EXCHANGED, "are the two gauges exchanged?")
-        blunders.append(exchanged._replace(rows=swapped))
-    for blunder in (*blunders, *evidence.whole):
-        undone, prediction = (value * blunder.factors)[:, None], evidence.prediction
-        # What changes only the last reading leaves the prediction of it as it is.
-        if blunder.rows is not rows or np.any(blunder.factors[:-1] != 1.0):
-            prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
-        chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
-        if chance >= DISMISSED and LIMIT * prediction.std.item() <= abs(away):
-            yield chance, blunder.question
+def _explanations(readings: ReadingsSoFar, prediction: Mixture) -> Iterator[tuple[float, Question]]:
+    """Blunders that explain the last reading, with the chance of one at least as far off if so."""
+    value, past = float(readings.value[-1]), readings.value[readings.past][:, None]
+    away, turn = value - prediction.mean.item(), readings.setting.machine.instrument.turn_mm
+    right = [
+        *((Doubt.REVOLUTION, f"{_NUMBERS[turns]} revolution{'s' * (turns > 1)}?",
+           value - turns * math.copysign(turn, away)) for turns in (1, 2, 3) if turn),
+        (Doubt.SIGN, "opposite sign?", -value),
+        *((Doubt.POINT, "decimal point misplaced?", value * factor) for factor in (10.0, 0.1)),
+    ]  # fmt: skip
+    if readings.partner is not None:
+        right.append((Doubt.EXCHANGED, "are the two gauges exchanged?", value))
+    for doubt, words, undone in right:
+        exchanged = doubt is Doubt.EXCHANGED
+        fits = readings.prediction(past, exchanged) if exchanged else prediction
+        chance = fits.tail(np.array([[undone]])).item()
+        if chance >= DISMISSED and LIMIT * fits.std.item() <= abs(away):
+            yield chance, Question(doubt, words)
 
 
 def _how_far(readings: ReadingsSoFar, unit: Unit, expected: float, std: float) -> str:

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
-from orthoglide_cal.estimation.gaussian import Mixture, fit_size
+from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.solution import (
     Method,
     OffsetEstimate,
@@ -151,22 +151,6 @@ def test_data_out_of_all_reach_never_look_converged() -> None:
     with pytest.raises(UnusableResultError, match="No offsets fit these data") as caught:
         solve(of_values(SIX, lost), NOMINAL)
     assert caught.value.exit_code == 4
-
-
-def test_a_size_that_few_data_tell_counts_what_they_leave_open() -> None:
-    """Round by round as in a fit of all unknowns: their posterior variance is part of the size."""
-    rng = np.random.default_rng(8)
-    columns, sigma, chosen = rng.normal(size=(9, 7)), 0.8, np.arange(3, 7)
-    sizes = np.array([np.inf, 2.0, 0.5, 1.0, 1.0, 1.0, 1.0])
-    data = columns @ np.array([3.0, -1.0, 0.2, 2.5, -1.8, 0.4, 3.1]) + sigma * rng.normal(size=9)
-    size, before = 1.0, 0.0
-    while abs(size / before - 1.0 if before else 1.0) >= 0.02:
-        precision = columns.T @ columns / sigma**2
-        precision += np.diag(1.0 / np.where(np.arange(7) < 3, sizes, size) ** 2)
-        mean = np.linalg.solve(precision, columns.T @ data / sigma**2)
-        left = np.diag(np.linalg.inv(precision))
-        before, size = size, float(np.sqrt(np.mean((mean**2 + left)[chosen])))
-    assert fit_size(columns, data, sizes, sigma, chosen) == pytest.approx(size, rel=1e-9)
 
 
 def test_log_odds_are_those_of_draws() -> None:

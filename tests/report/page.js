@@ -82,7 +82,7 @@ function colours() {
 
 // Lines of pictures: name, colour, opacity.
 function strokes() {
-  return [...document.querySelectorAll('.rail, .bar, .thread, .whisker, .dial, .due')].map(
+  return [...document.querySelectorAll('.rail, .bar, .thread, .whisker, .due')].map(
     e => (s => [e.className.baseVal, s.stroke, s.strokeOpacity])(getComputedStyle(e)));
 }
 

@@ -164,5 +164,5 @@ def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
 def test_what_was_not_given_is_a_blank_line():
     outline = outlined(html(report_of(cases.ambiguous()).page()))
     blanks = [value for _, name, value in outline.attributes if value == "not given"]
-    # Measured, gauges, temperature, operator; protocol, started, finished; traceability.
-    assert len(blanks) == 8
+    # Measured, gauges, temperature, operator; protocol, started; traceability.
+    assert len(blanks) == 7

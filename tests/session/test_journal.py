@@ -72,7 +72,7 @@ def test_the_format_on_the_disk_is_that_of_version_1() -> None:
             gauges=(GaugeLabel(id="MT-1"), GaugeLabel(id="MT-2", certificate="C 7")),
         ),
         taken(1, -0.64, 0.25),
-        questioned(taken(2, 1.43, 0.5), Doubt.SIGN, "gauge Z?", 1),
+        questioned(taken(2, 1.43, 0.5), Doubt.SIGN, "gauge Z?").changed(about=1),
         Answered(at=AT, keep=True, moved=True),
         questioned(taken(3, 0.125, 0.75, "mahr:/dev/ttyUSB0"), Doubt.GRID, "mistyped?"),
         Answered(at=AT, keep=False),

@@ -97,10 +97,9 @@ def taken(step: int, value: float, minutes: float = 0.0, source: str = "typed") 
     return Taken(at=AT, step=step, minutes=minutes, value_mm=value, raw=f"{value}", source=source)
 
 
-def questioned(take: Taken, doubt: Doubt, question: str, about: int = 0) -> Questioned:
+def questioned(take: Taken, doubt: Doubt, question: str) -> Questioned:
     """The same reading, questioned."""
-    values = take.model_dump(exclude={"kind"})
-    return Questioned(**values, doubt=doubt, question=question, about=about)
+    return Questioned(**take.model_dump(exclude={"kind"}), doubt=doubt, question=question)
 
 
 def random_events(seed: int, count: int, steps: int = 8) -> list[Event]:

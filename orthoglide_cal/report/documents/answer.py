@@ -1,7 +1,6 @@
 """The documents of `solve` and `diagnose`: one answer, seen from its parameters or its causes.
 
-Both say the decision and the next steps. Their details are the same; the calibration report shows
-parts of them.
+Their details are the same; the calibration report shows parts of them.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -122,10 +121,10 @@ def _solution_screen(case: Case, begun: doc.Page) -> doc.Page:
     meaning = [" ".join(words)]
     steps = [*to_do(case, brief=True)]
     kept = len(steps) if release.usable else 1
-    others = steps[kept:]
+    others, more = steps[kept:], ("More: ", doc.typed(case.typed("solve", "--details")))
 
     def page() -> doc.Page:
-        last = doc.next_steps([*steps[:kept], *others], _more(case, "solve"))
+        last = doc.next_steps([*steps[:kept], *others], more)
         first, second = [*parameters, *largest, *notes], [*numbers, *meaning]
         if not answer.deviations:  # one line needs no section
             first, second = [*first, *numbers], []
@@ -151,34 +150,29 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     kept = 1 + (undecided and not few)  # what is wrong in any case, and what decides
     first, others = steps[:kept], steps[kept:]
     residuals = [brief_residuals(case)] if named else []
-    again = []
-    if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
-        again.append("Then solve again, and enter only what it releases.")
+    blind = any(fault.matters for fault in answer.unshown)
+    wanted = named and not (answer.release.usable or blind)
+    again = ["Then solve again, and enter only what it releases."] * wanted
     notes = [*_notes(case, brief=True)]
     it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
     causes = f" with {it}" * bool(answer.named or answer.patterns)
     known = sizes_words(answer.parameters)
-    parameters = [f"{case.words.many.capitalize()}{causes}: {known}."] if known else []
+    parameters = [f"{case.words.many.capitalize()}{causes}: {known}."] * bool(known)
     decisive: list[doc.Block] = [*_sizes(case), *parameters, *_open_blocks(case)]
     left = [] if undecided and not answer.holdout else [_rms_grid(case)]
     less_likely = [*range(2, _MOST_OPEN)]
+    more = "More: ", doc.typed(case.typed("diagnose", "--details"))
 
     def page() -> doc.Page:
         answers = [_open_grid(case, 2 + len(less_likely))] if undecided else decisive
         parts: list[Sequence[doc.Block]] = [answers, left, *residuals]
-        last = doc.next_steps([*first, *others, *again], *notes, _more(case, "diagnose"))
+        last = doc.next_steps([*first, *others, *again], *notes, more)
         return replace(begun, sections=[*(doc.Section(None, *part) for part in parts), last])
 
     return fitting(page, notes, again, residuals, others, less_likely, lines=most)
 
 
-def _more(case: Case, verb: str) -> doc.Line:
-    """The command that shows the rest."""
-    return "More: ", doc.typed(case.typed(verb, "--details"))
-
-
 def _details(case: Case) -> Iterator[doc.Section]:
-    """All that is known; nothing without parameters."""
     answer = case.answer
     if not answer.parameters:
         return
@@ -197,15 +191,11 @@ def evidence(case: Case) -> Iterator[doc.Section]:
     if not answer.parameters:
         return
     undecided = answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED)
-    yield doc.Section(
-        "Diagnosis",
-        f"{headline(case).rstrip('.')}.",
-        doc.Facts([*_fit_facts(case)]),
-        _open_grid(case) if undecided else None,
-        *_sizes(case),
-        _rms_grid(case, late=True),
-        *map(doc.small, (*_notes(case), *_assumptions(case))),
-    )
+    open_grid = _open_grid(case) if undecided else None
+    left, notes = _rms_grid(case, late=True), (*_notes(case), *_assumptions(case))
+    text, facts = f"{headline(case).rstrip('.')}.", doc.Facts([*_fit_facts(case)])
+    blocks = text, facts, open_grid, *_sizes(case), left, *map(doc.small, notes)
+    yield doc.Section("Diagnosis", *blocks)
     yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
     if answer.budget:
         yield budget_section(case.machine, Budget(answer.budget))
@@ -215,10 +205,7 @@ def evidence(case: Case) -> Iterator[doc.Section]:
 
 
 def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
-    """The decision and what it rests on; its mark is the same on every screen and page.
-
-    `diagnosed`: below the verdict on the model, unless not the model is wrong, but the numbers.
-    """
+    """The decision and what it rests on; `diagnosed`: below the verdict on the model."""
     answer, release, says = case.answer, case.answer.release, case.says
     judged, cautions, worst = answer.judgement, release.cautions, answer.validity.reservations
     tone, lines, reasons = doc.Tone.BAD, list[str](), [*release.reasons]
@@ -286,12 +273,9 @@ def _named(case: Case) -> str:
     shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
     titles = [case.title_of(c.id, len(c.parameters)) for c in (first, *others) if c is not shape]
     # Causes that look the same, such as a stand that was knocked before the last reading.
-    alike = [(first.id, first.probability)] + [
-        (state.ids[0], state.probability)
-        for state in case.answer.explanations
-        if len(state.ids) == 1 and state.ids[0] in first.aliases
-        if 2.0 * state.probability > first.probability
-    ]
+    singles = ((e.ids[0], e.probability) for e in case.answer.explanations if len(e.ids) == 1)
+    alike = [(id, p) for id, p in singles if id in first.aliases and 2.0 * p > first.probability]
+    alike = [(first.id, first.probability), *alike]
     code = "shape_left" if shape else "causes_named" if others else "cause_named"
     ids = [cause.id for cause in case.answer.causes]
     data = {"ids": ids, "probability": first.probability, "titles": titles, "alike": alike}
@@ -502,13 +486,11 @@ def _residual_words(case: Case) -> str | None:
 
 
 def _largest_words(case: Case) -> str:
-    """The largest contribution to U in one line."""
     largest = Budget(case.answer.budget).largest
     name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
     if name in SOURCES:
         name = source_words(name, case.machine)[0]
-    source = f"{name}{', if present' * largest.possible}"
-    contribution = ", ± ".join(filter(None, (source, size)))
+    contribution = f"{name}{', if present' * largest.possible}{f', ± {size}' * bool(size)}"
     return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
@@ -545,7 +527,6 @@ def source_words(source: str, machine: Machine, possible: bool = False) -> tuple
 
 
 def _size(line: Contribution) -> str:
-    """Its size with unit, and whether it is assumed; what has no one size is blank."""
     if line.size is None:
         return ""
     value = f"{short(line.size, decimals_for(line.size))} {unit_words(line.unit)}".rstrip()
@@ -556,7 +537,6 @@ def _size(line: Contribution) -> str:
 
 
 def _sizes(case: Case) -> Iterator[str]:
-    """Places of the causes, and their parameters."""
     for cause in case.answer.causes:
         yield from cause_sizes(cause.id, cause.parameters, cause.where)
 
@@ -583,10 +563,7 @@ def cause_sizes(id: str, sizes: Sequence[Estimate], where: str = "") -> Iterator
 
 
 def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
-    """Residuals without and with the causes, of readings fitted and not, and baselines.
-
-    `late`: of patterns also those of the last third.
-    """
+    """Residuals without and with the causes, of readings fitted and not; `late`: more of those."""
     answer, lack = case.answer, case.answer.lack_of_fit
     head = ["r.m.s., mm", f"{case.words.many} only"]
     left: dict[str, tuple[float | None, float | None]] = {}
@@ -632,11 +609,8 @@ def _open_grid(case: Case, most: int = _MOST_OPEN) -> doc.Grid:
     sound = [state for state in fitted if state.sound]
     others = [e for e in fitted if not e.sound and round(100.0 * e.probability)]
     for state in (*sound, *others[:most]):
-        values = {
-            one.name: signed(one.found, decimals_for(2.0 * one.std))
-            for one in state.parameters
-            if one.found is not None
-        }
+        known = ((one.name, one.found, decimals_for(2.0 * one.std)) for one in state.parameters)
+        values = {name: signed(found, digits) for name, found, digits in known if found is not None}
         left = "" if state.rms_mm is None else plain(state.rms_mm, 4)
         name = f"{case.words.many} only" if state.sound else _name(state)
         rows.append((name, left, *(values.get(name, "") for name in names)))
@@ -645,10 +619,7 @@ def _open_grid(case: Case, most: int = _MOST_OPEN) -> doc.Grid:
 
 
 def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
-    """Notes on the causes, on faults that would not show, and on the data.
-
-    `brief`: what one screen has room for, the least important last.
-    """
+    """Notes on causes, on faults that would not show, and on the data; the least important last."""
     answer, machine = case.answer, case.machine
     for cause in () if brief else answer.causes:
         if not cause.in_machine and cause.id != machine.shape:
@@ -671,16 +642,14 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
     large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
     for id, verb, times in large:
         stated = "usual" if CAUSES[id].assumed(machine) else "stated"
-        key = CAUSES[id].key(machine)
-        check = f"look for the reason first, or correct {key} in the machine file."
-        yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
+        check = f"look for the reason first, or correct {CAUSES[id].key(machine)}"
+        yield f"{id} {verb} {times:.0f} times its {stated} size: {check} in the machine file."
     if answer.ruled_out:
         yield f"Ruled out by hand: {listed(answer.ruled_out)}."
-    notes = [note for note in answer.notes if note not in answer.release.cautions]
-    if brief:
-        notes = [note for note in notes if note.code in ("acts_too", "not_excluded")]
     # Those on the nozzle stand under the next steps.
-    yield from dict.fromkeys(case.says(note) for note in notes if note.code not in NOZZLE)
+    notes = [e for e in answer.notes if e.code not in NOZZLE and e not in answer.release.cautions]
+    few = ("acts_too", "not_excluded")
+    yield from dict.fromkeys(case.says(note) for note in notes if not brief or note.code in few)
 
 
 def _assumptions(case: Case) -> Iterator[str]:

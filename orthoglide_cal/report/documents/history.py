@@ -1,6 +1,7 @@
 """The document of `orthocal history`: what changed, when, how much, and what to do about it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from itertools import pairwise
@@ -42,13 +43,13 @@ _STORIES = {
 
 
 def history_document(history: History, machine_file: Path | None = None) -> doc.Document:
-    """The document; with the machine file as the user gave it."""
+    """The document, with commands for this machine file."""
     see = command("solve", history.sessions[-1].path, machine=machine_file)
     says = partial(sentence, machine=history.newest)
     steps = doc.step(says(history.next)), doc.step("See the last session", see)
     more = "More: the same with --details, or as a page: --html history.html"
     notes, last = [*map(says, history.notes)], len(history.sessions) - 1
-    notice = _notice(history)
+    begun = doc.Page("History", simulated=history.simulated, notice=_notice(history))
 
     def screen() -> doc.Page:
         # As many sessions as it has lines for, three at least: the ends, those at changes.
@@ -58,8 +59,7 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
 
         def made() -> doc.Page:
             table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
-            sections, simulated = (table, doc.next_steps(steps, more)), history.simulated
-            return doc.Page("History", notice=notice, sections=sections, simulated=simulated)
+            return replace(begun, sections=[table, doc.next_steps(steps, more)])
 
         return fitting(made, others)
 
@@ -71,22 +71,15 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
             [(str(count), *map(two_figures, u)) for count, u in history.further.items()],
             caption="U of the best values after so many further sessions (95 %).",
         )
-        courses = doc.Section("From session to session", _courses(history))
+        sheet = doc.Section("From session to session", _courses(history)), doc.next_steps(steps)
         shapes = doc.Section("Residuals of the touches", *_shapes(history))
-        return doc.Page(
-            kind="History",
-            simulated=history.simulated,
-            title=history.machine,
-            notice=notice,
-            sheet=[courses, doc.next_steps(steps)],
-            sections=[shapes, doc.Section("Sessions", table, *notes, expected, further)],
-        )
+        sessions = doc.Section("Sessions", table, *notes, expected, further)
+        return replace(begun, title=history.machine, sheet=sheet, sections=[shapes, sessions])
 
     return doc.Document(partial(history.model_dump, mode="json", context=says), page, screen)
 
 
 def _notice(history: History) -> doc.Notice:
-    """The verdict, its numbers, and what is open."""
     lines = list[str]()
     for change in history.changes[: -_MOST_CHANGES - 1 : -1]:
         when = f"{_label(history, change.at)} and {_label(history, change.at + 1)}"
@@ -104,7 +97,7 @@ def _notice(history: History) -> doc.Notice:
     title, *others = lines or [f"Unchanged in {counted(len(history.sessions), 'session')}, {ends}"]
     lines = [f"{line}." for line in others]
     last = history.changes[-1].before if history.changes else None
-    if last and last not in [note.data.get("before") for note in history.notes]:
+    if last and all(note.data.get("before") != last for note in history.notes):
         lines.insert(0, "No adjustment is recorded in between.")
     if history.ambiguous_with:
         stories = " or ".join(_STORIES[trend] for trend in history.ambiguous_with)
@@ -114,14 +107,13 @@ def _notice(history: History) -> doc.Notice:
         code = "scatter_exceeds" if limit.scatter_exceeds else code
         lines.append(sentence(Reason.of(code, limit=limit)))
     title += f" ({percent(min(history.probability, 0.9999), 1)})"
-    refuted = [session.refuted for session in history.sessions if session.refuted]
-    if refuted:
-        first, *others = (sentence(reason, history.newest) for reason in refuted)
-        title, lines = first, [*others, title, *lines]
+    reasons = (session.refuted for session in history.sessions if session.refuted)
+    refuted = [sentence(reason, history.newest) for reason in reasons]
+    texts = [*refuted, title, *lines]
     good = history.verdict is Trend.UNCHANGED and not refuted
     tone = doc.Tone.GOOD if good else doc.Tone.WARN
     tone = doc.Tone.OPEN if history.ambiguous_with else tone
-    return doc.Notice(tone, title, tuple(lines), aside=history.machine)
+    return doc.Notice(tone, texts[0], tuple(texts[1:]), aside=history.machine)
 
 
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
@@ -180,7 +172,7 @@ def _table(history: History, chosen: set[int]) -> doc.Grid:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
     rows.append(row("± U", history.sessions[-1].parameters, uncertain=True))
     rows += [row("best now", history.pooled), row("± U", history.pooled, uncertain=True)]
-    return doc.Grid((units[0] if same else "", *(names[k] for k in every)), rows)
+    return doc.Grid((units[0] * same, *(names[k] for k in every)), rows)
 
 
 def _courses(history: History) -> doc.Figure:

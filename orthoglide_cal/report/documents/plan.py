@@ -1,10 +1,8 @@
-"""The document of `orthocal plan`: what a session will give, what limits it, other ways.
-
-The diagnosis shows the best of the next measurements, too.
-"""
+"""The document of `orthocal plan`: what a session will give, what limits it, other ways."""
 
 import string
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -29,9 +27,7 @@ from orthoglide_cal.report.sentences import cause_words, sentence
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import counted, listed, percent, two_figures, unit_words
 
-_SHOWN_PAIRS = 4
-_SHOWN_NEXT = 6
-_BRIEF_NEXT = 3
+_SHOWN_PAIRS, _SHOWN_NEXT, _BRIEF_NEXT = 4, 6, 3
 # Two causes less than so many σ apart may not be distinguished: the darker, the less.
 _SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"))
 _MOST_SIGMA = 99  # beyond which the number says nothing more
@@ -42,13 +38,7 @@ _PLACES = "places.csv"
 def plan_document(
     plan: MeasurementPlan, machine_file: Path | None = None, begun: Case | None = None
 ) -> doc.Document:
-    """The document, for any of the renderers.
-
-    Args:
-        plan: what a session of its own will give, and what to measure next.
-        machine_file: as the user gave it.
-        begun: the data that there are already, with what they say; None without any.
-    """
+    """The document; `begun`: the data that there are already, and what they say."""
     going_on = begun if plan.next else None
     if going_on is not None:
         # The largest U of the lengths that there are; None if there are none to be entered.
@@ -86,8 +76,8 @@ def plan_document(
         facts, notice = doc.Facts(session), _notice(plan)
         sections: list[doc.Section] = []
         if going_on is not None:
-            if plan.next:
-                sections.append(doc.Section("What to measure next, best first", _next_grid(plan)))
+            ranked = _next_grid(plan) if plan.next else None
+            sections.append(doc.Section("What to measure next, best first", ranked))
             sections.append(doc.Section("A separate session would give", facts, notice))
             given = going_on.answer.input
             data = f"{file_words(visible(given.path))}, {given.readings}"
@@ -103,15 +93,9 @@ def plan_document(
             best = doc.Section("The fewest readings", where, (gives, typed), lacks)
             sections += [_ways(plan), best]
         sections += [budget_section(machine, plan.chosen.budget), _separation(plan)]
-        return doc.Page(
-            kind="Plan",
-            simulated=plan.simulated,
-            title=plan.machine,
-            facts=facts,
-            notice=notice,
-            sheet=(doc.next_steps(_to_do(plan, machine_file, begun)),),
-            sections=sections,
-        )
+        sheet, named = [doc.next_steps(_to_do(plan, machine_file, begun))], plan.machine
+        made = doc.Page("Plan", named, facts=facts, notice=notice, sheet=sheet, sections=sections)
+        return replace(made, simulated=plan.simulated)
 
     return doc.Document(data, page, screen)
 
@@ -119,7 +103,6 @@ def plan_document(
 def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Line]:
-    """Measure what is best next, or the session."""
     chosen, typed = plan.chosen, partial(_command, machine=machine_file, begun=begun)
     usable = begun is not None and begun.answer.release.usable
     if begun and (usable or plan.next):
@@ -137,8 +120,7 @@ def _to_do(
     else:
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.step(text, typed(chosen))
-        result = command("diagnose", _PLACES, machine=machine_file)
-        yield doc.step("See the result", result)
+        yield doc.step("See the result", command("diagnose", _PLACES, machine=machine_file))
         design = plan.design
         if design is not None and design.name != chosen.name:
             rivals = " from ".join(plan.model.machine.rivals)
@@ -148,7 +130,6 @@ def _to_do(
 
 
 def _command(forecast: SessionForecast, machine: Path | None, begun: Case | None) -> str:
-    """The command to measure a session, or to have its places written."""
     if forecast.session is not None:
         return command("measure", machine=machine, options=forecast.session.options)
     options = f"--layout {forecast.name} --program {_PLACES}"
@@ -176,14 +157,12 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     if warning and warning.size > 0.0:
         return doc.Notice(doc.Tone.BAD, "This cannot be measured in this way", near)
     words, noise = machine.vocabulary, two_figures(plan.noise_mm)
-    lines = [f"{machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
     title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
     reach = f"{_reach(plan.model, chosen.budget.expanded_mm)} (95 %)"
-    if machine.common_unit:
-        title += f": {reach}"
-    else:
-        lines.append(f"U: {reach}")
+    lines = [f"{machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
+    lines += [f"U: {reach}"] * (not machine.common_unit)
     lines += near
+    title += f": {reach}" * bool(machine.common_unit)
     missing = [name for name, row in chosen.parameters.items() if not row["determined"]]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
@@ -203,7 +182,6 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
 
 
 def _stays(plan: MeasurementPlan, floor: Budget) -> str:
-    """U that more readings leave, and its source."""
     source = floor.largest.source
     source = source if source in CAUSES else source_words(source, plan.model.machine)[0]
     if plan.gauges is None:
@@ -213,8 +191,8 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
     """The part of U that more readings leave, causes that do not show, and a shorter way."""
-    floor, sigma = plan.floor, plan.chosen.rivals_sigma
-    stays = 0.0 if floor is None else float(np.max(floor.std_mm / plan.chosen.budget.std_mm))
+    best, chosen, floor, sigma = plan.design, plan.chosen, plan.floor, plan.chosen.rivals_sigma
+    stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.budget.std_mm))
     more = "readings" if plan.gauges is None else "cycles"
     if floor is None or stays < 0.6:
         yield f"The scatter of the readings limits U: more {more} help."
@@ -222,27 +200,24 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         help_ = "hardly help" if stays > 0.87 else "help little"
         yield f"More {more} {help_}: {_stays(plan, floor)}"
     if sigma is not None and sigma >= TRACE_SIGMA:
-        rivals = " and ".join(plan.model.machine.rivals)
-        chance = percent(plan.chosen.chance)
-        yield f"{rivals} are distinguished: probability {chance} ({two_figures(sigma)} σ)."
+        rivals, odds = " and ".join(plan.model.machine.rivals), percent(chosen.chance)
+        yield f"{rivals} are distinguished: probability {odds} ({two_figures(sigma)} σ)."
     if plan.invisible:
         yield f"Cannot be seen: {listed(plan.invisible)}."
     seen = (pair for pair in plan.separation if plan.trace.keys() >= {*pair.causes})
     near = [" from ".join(pair.causes) for pair in seen if pair.sigma < TRACE_SIGMA]
     if near:
-        rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
+        rest = ", and others" * (len(near) > _SHOWN_PAIRS)
         yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
-    best, chosen = plan.design, plan.chosen
     if best and best.session and best.name != chosen.name and best.minutes < chosen.minutes:
         size = f"{best.readings} readings, {best.minutes:.0f} min"
         yield f"Shorter: {size} (--design best); some faults show less."
 
 
 def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
-    """Numbers of cycles, or layouts: what they take, what they give.
+    """Numbers of cycles, or layouts: what they take, what they give; units in the caption.
 
-    `brief`: of layouts without explanations. Units stand in the caption: in the heads of a
-    printer's six parameters they would not fit a terminal.
+    `brief`: of layouts without it.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
     shown = plan.by_cycles
@@ -250,11 +225,9 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     for k, session in enumerate(shown):
         if (session.name, session.cycles) == (plan.protocol, plan.cycles):
             names[k] = doc.strong(f"→ {names[k]}")
-    columns: dict[str, list[doc.Inline]] = {
-        "cycles" if cycles else "layout": names,
-        "readings": [str(session.readings) for session in shown],
-        "min": [f"{session.minutes:.0f}" for session in shown],
-    }
+    columns = {"cycles" if cycles else "layout": names}
+    columns["readings"] = [str(session.readings) for session in shown]
+    columns["min"] = [f"{session.minutes:.0f}" for session in shown]
     named = zip(machine.parameter_names, map(unit_words, machine.parameter_units), strict=True)
     unit = machine.common_unit or f": {', '.join(map(' in '.join, named))}"
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
@@ -272,13 +245,11 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
         pair = " and ".join(machine.rivals)
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
-    if brief and not cycles:
-        meaning = []
-    return doc.Grid.of(columns, () if cycles else (0,), " ".join(meaning))
+    caption = " ".join(meaning * (cycles or not brief))
+    return doc.Grid.of(columns, () if cycles else (0,), caption)
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
-    """Every protocol and method that reaches the same uncertainty."""
     rows = []
     for way in plan.compare:
         sizes = way.cycles, way.readings, way.gauge_moves
@@ -299,17 +270,14 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         shades = (next((sign for most, sign in _SHADES if size < most), "") for size in sizes)
         shown = map(str.__add__, shades, (str(min(int(size), _MOST_SIGMA) or "") for size in sizes))
         rows.append([f"{letters[k]} {id}", *shown, *[""] * (len(names) - 1 - k)])
-    heads = ("", "–", *letters[: len(names) - 1])
-    caption = sentence(Reason.of("distances", most=_MOST_SIGMA))
-    blocks: list[doc.Block] = ["No cause leaves a trace."]
-    if rows:
-        blocks = [doc.Grid(heads, rows, caption=caption)]
+    heads, caption = ("", "–", *letters[: len(names) - 1]), Reason.of("distances", most=_MOST_SIGMA)
+    distances = doc.Grid(heads, rows, caption=sentence(caption))
     unseen = [(id, cause_words(id, plan.model.machine)["check"]) for id in plan.invisible]
-    caption = "At their usual size they hardly change such readings."
-    blocks.append(doc.Grid(("not seen", "what would show it"), unseen, (0, 1), caption))
+    hardly = "At their usual size they hardly change such readings."
+    checks = doc.Grid(("not seen", "what would show it"), unseen, (0, 1), hardly)
     title = "Which causes can be distinguished"
-    title += f" by {MOST_COMPARED} cycles" if plan.cycles > MOST_COMPARED else ""
-    return doc.Section(title, *blocks)
+    title += f" by {MOST_COMPARED} cycles" * (plan.cycles > MOST_COMPARED)
+    return doc.Section(title, distances if rows else "No cause leaves a trace.", checks)
 
 
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:

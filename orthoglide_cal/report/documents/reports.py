@@ -2,9 +2,7 @@
 
 The first sheet is what is pinned to the machine: may the parameters be entered, the parameters with
 U, each difference as found and as left, what to do, under which conditions that holds. Of a result
-that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it stands what
-that rests on. A verification is predicted against measured, and how the machine responded; a report
-shows the same once the adjustment was measured.
+that is refused it says what is wrong. Behind it stands what that rests on.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +18,6 @@ from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind
-from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import INVALIDATING, Case, input_words, position_words, sizes_words
@@ -43,6 +40,7 @@ from orthoglide_cal.words import (
     capitalized,
     difference_decimals,
     entered_decimals,
+    listed,
     moment_words,
     plain,
     short,
@@ -66,11 +64,8 @@ def calibration_document(
 ) -> doc.Document:
     """The calibration report; as data the answer, and what only a report says.
 
-    Args:
-        case, identity: the result and its number.
-        left, after: comparison with the session measured after the adjustment, and its result;
-            None without one.
-        limit_mm: largest deviation allowed; None where none is given.
+    `left` and `after`: comparison with the session measured after the adjustment, and its result;
+    `limit_mm`: largest deviation allowed.
     """
     given, answer = case.given.conditions, case.answer
 
@@ -99,30 +94,28 @@ def calibration_document(
         if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
             causes.append(rivals.pop(0))
         parameters = parameters_section(case, promised_figure(case, limit_mm))
-        pages = [*map(_other, case.others)]
+        pages, notice = [*map(_other, case.others)], _notice(case)
+        sheet = [*[parameters] * released, *causes, steps_section(case, to_do(case))]
         if left is not None:
             notice = _verification_notice(left)
             # Beside each other: the sheet has no room for a section more.
             measured = _differences_left(left).blocks
             sheet = [_parameters_left(left), _after_verification(left, *measured)]
-        elif released:
-            notice, sheet = _notice(case), [parameters, *causes, steps_section(case, to_do(case))]
-        else:
-            notice, sheet = _notice(case), [*causes, steps_section(case, to_do(case))]
+        elif not released:
             pages += [*rivals, parameters]
         sheet.append(doc.Section(None, _strip(machine, identity.software, judged)))
         both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
         for one, when in both:
             sections = *evidence(one), _conditions(one)
             pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
-        pages += [*_workspace(case, after, limit_mm), _origin(case, left)]
+        pages += [*_workspace(case, after), _origin(case, left)]
         for one, when in both:
             if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
                 pages.append(doc.Section(f"Appendix: readings{when}", figures.readings_table(one)))
         if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
             sheet, pages = [*sheet, *pages], []
-        authorised = machine.report.authorised_by
-        roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
+        roles = ["Measured by", *["Adjusted by"] * released]
+        roles.append(f"Authorised by {machine.report.authorised_by or ''}".rstrip())
         number = ("Number", doc.code(identity.number))
         issued = ("Issued", moment_words(identity.issued))
         return doc.Page(
@@ -133,7 +126,7 @@ def calibration_document(
             notice=notice,
             sheet=sheet,
             sections=pages,
-            signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
+            signatures=roles,
             scope="The results relate only to the machine and the instruments named here, as they"
             f" were when measured, and to the {machine.vocabulary.positions} and conditions stated."
             " The report is valid only with all its pages: reproduce it only in full.",
@@ -147,7 +140,7 @@ def calibration_document(
 
 
 def _notice(case: Case) -> doc.Notice:
-    """The verdict, with what to know before relying on it; of a refused result what is wrong."""
+    """The verdict, with doubts of the papers; of a refused result what is wrong."""
     release = case.answer.release
     notice = decision_notice(case, diagnosed=release.sound and not release.usable)
     known = [*release.reasons, *release.cautions]
@@ -207,35 +200,34 @@ def _other(case: Case) -> doc.Section:
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterator[doc.Section]:
+def _workspace(case: Case, later: Case | None) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
     before, after = case.answer.workspace, later.answer.workspace if later else None
     if before is None or before.maps is None:
         return
     views = [("as found", before.maps[0], before.before_mm, before.worst_before_mm)]
+    views.append(("expected", before.maps[1], before.after_mm, before.worst_after_mm))
     if after and after.maps:
-        views.append(("as left", after.maps[0], after.before_mm, after.worst_before_mm))
-    else:
-        views.append(("expected", before.maps[1], before.after_mm, before.worst_after_mm))
+        views[1] = "as left", after.maps[0], after.before_mm, after.worst_before_mm
     lead = [
         f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
         for when, _, mm, worst in views
     ]
+    causes = " and ".join(cause.id for cause in case.known)
+    timed = " and ".join(cause.id for cause in case.known if cause.timed)
     if after:
         unsure = two_figures(after.after_mm - after.left_mm)
         lead.append(f"The uncertainty of the offsets left adds up to {unsure} mm.")
+    elif causes:
+        size = two_figures(before.left_mm)
+        lead.append(f"{size} mm of that comes from {causes}, which offsets do not remove.")
     else:
-        source = "All of that comes from uncertainty."
-        if causes := " and ".join(cause.id for cause in case.known):
-            source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
-            source += " which offsets do not remove."
-        lead.append(source)
-        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
-            lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
+        lead.append("All of that comes from uncertainty.")
+    if timed and not after:
+        lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
     low, high = (plain(edge, 0) for edge in before.cube_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
-    key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
-    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm, limit_mm)], key=key)
+    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm)], key=key)
     yield doc.Section("Tool-position error over the workspace", " ".join(lead), maps)
 
 
@@ -246,13 +238,13 @@ def _conditions(case: Case) -> doc.Section:
     """Conditions of the measurement, and places of the gauges; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
+    # When it ended and the temperatures stand under the verdict.
     rows: list[tuple[str, doc.Blank]] = [
         ("Protocol", given.protocol and doc.given(given.protocol)),
         ("Started", _moment(given.started)),
-        ("Finished", _moment(given.finished)),
     ]
     for name, text in given.environment.items():
-        if "temperature" not in name:  # they stand under the verdict
+        if "temperature" not in name:
             rows.append((name.replace("_", " "), doc.given(text)))
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
@@ -261,23 +253,17 @@ def _conditions(case: Case) -> doc.Section:
     sizes = f"resolution {short(gauge.resolution_mm, 6)} mm, repeatability"
     sizes += f" {short(gauge.repeatability_mm, 6)} mm (one standard deviation), as stated"
     rows.append((noise.capitalize(), sizes))
-    places = {
-        (AXES.index(row.leg), AXES.index(row.direction), round(row.gauge_at, 3))
-        for row in answer.residuals
-        if row.leg and row.direction and row.gauge_at is not None
-    }
-    drawn, notes = None, given.notes[:_MOST_NOTES] if answer.parameters else ()
+    places = [f"{e.gauge_at:.3g}" for e in answer.residuals if e.gauge_at is not None]
     if places:
-        sketch = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
-        key = "○ dial: its reading grows when the leg moves towards it."
-        drawn = doc.Figure([sketch], 0, key, "Where the gauges stood")
+        stood = f"at {listed([*dict.fromkeys(places)])} of the leg (carriage joint 0, tool 1)"
+        rows.append(("Gauges stood", stood))
+    notes = given.notes[:_MOST_NOTES] if answer.parameters else ()
     rows_of_notes = [(str(line), doc.given(note)) for line, note in notes]
     grid = doc.Grid(("line", "note"), rows_of_notes, (0, 1), "Notes at readings.")
-    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), drawn, grid)
+    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), grid)
 
 
 def _origin(case: Case, left: Verification | None) -> doc.Section:
-    """The inputs, and the machine that they are judged by."""
     model, machine = case.given.model, case.machine
     rows: list[tuple[str, doc.Blank]] = [*_stated(machine, _MEANS)]
     if machine.report.traceability is None:
@@ -295,14 +281,14 @@ def _origin(case: Case, left: Verification | None) -> doc.Section:
 def verification_document(result: Verification) -> doc.Document:
     """The answer, all of it as a page."""
 
-    def data() -> dict[str, object]:
-        return result.model_dump(mode="json", context=_says(result))
+    notice = _verification_notice(result)
+    begun = doc.Page("Verification", simulated=result.simulated, notice=notice)
 
     def screen() -> doc.Page:
         parameters = f"Left: {sizes_words(result.after.parameters)}."
         before, after = map(input_words, result.inputs)
         both = f"{before} before and after" if before == after else f"{before} and {after}"
-        notice = replace(_verification_notice(result), aside=f"{result.machine}, {both}")
+        short_notice = replace(notice, aside=f"{result.machine}, {both}")
         # Their title says what the notice above does.
         figure = _left_figure(result)
         differences = [*figure.plain[1:]] if figure else []
@@ -310,26 +296,18 @@ def verification_document(result: Verification) -> doc.Document:
 
         def made() -> doc.Page:
             sections = doc.Section(None, *differences), doc.Section(None, parameters), last
-            simulated = result.simulated
-            return doc.Page("Verification", simulated=simulated, notice=notice, sections=sections)
+            return replace(begun, notice=short_notice, sections=sections)
 
         return fitting(made, differences)
 
     def page() -> doc.Page:
-        return doc.Page(
-            "Verification",
-            result.machine,
-            simulated=result.simulated,
-            notice=_verification_notice(result),
-            sections=(
-                _parameters_left(result),
-                _differences_left(result),
-                doc.Section("How the machine responded", *_response(result)),
-                doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)])),
-                _after_verification(result, brief=True),
-            ),
-        )
+        responded = doc.Section("How the machine responded", *_response(result))
+        origin = doc.Section("Traceability", doc.Facts([*_inputs(result.inputs)]))
+        sections = _parameters_left(result), _differences_left(result), responded, origin
+        last = _after_verification(result, brief=True)
+        return replace(begun, title=result.machine, sections=(*sections, last))
 
+    data = partial(result.model_dump, mode="json", context=_says(result))
     return doc.Document(data, page, screen)
 
 
@@ -339,7 +317,6 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 
 def _verification_notice(result: Verification) -> doc.Notice:
-    """The answer in one box."""
     says, outcome = _says(result), result.decision and result.decision.outcome
     sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
     before, promised, after = (_size(result, size) for size in sizes)
@@ -355,14 +332,12 @@ def _verification_notice(result: Verification) -> doc.Notice:
     if result.response and result.answer:
         lines.append(_answer(result, result.response, result.answer))
     if result.decision:
-        rows, limit_mm = result.differences, result.decision.limit_mm
-        largest = max(rows, key=lambda row: abs(row.after_mm))
+        largest = max(result.differences, key=lambda row: abs(row.after_mm))
         data = {"made": result.decision, "largest": largest, "after_mm": abs(largest.after_mm)}
         lines.append(says(Reason.of("limit_judged", **data)))
-        if any(row.after_expanded_mm > limit_mm for row in rows):
-            lines[-1] = " ".join((lines[-1], says(Reason.of("limit_below_u"))))
-    if result.remains:
-        lines.append(says(result.remains))
+        if any(row.after_expanded_mm > result.decision.limit_mm for row in result.differences):
+            lines[-1] += " " + says(Reason.of("limit_below_u"))
+    lines += map(says, filter(None, [result.remains]))
     tone = doc.Tone.GOOD if result.kept else doc.Tone.BAD
     unsure = bool(result.reservations)
     if result.moved:
@@ -397,7 +372,6 @@ def _verification_notice(result: Verification) -> doc.Notice:
 
 
 def _size(result: Verification, size_mm: float) -> str:
-    """An r.m.s. with its unit."""
     if result.differences:
         raw = result.before.kind == result.after.kind == DataKind.READINGS
         return f"{plain(size_mm, difference_decimals(raw))} mm"
@@ -405,41 +379,34 @@ def _size(result: Verification, size_mm: float) -> str:
 
 
 def _after_verification(result: Verification, *more: doc.Block, brief: bool = False) -> doc.Section:
-    """Next steps after the adjustment was measured, or that there are none.
-
-    `brief` is for a screen, which says the answer above and is no report.
-    """
-    steps = [*_verification_steps(result, brief=brief)]
-    done = f"Nothing more to do{': keep this report with the machine' * (not brief)}."
-    return doc.next_steps(steps, None if steps else done, *more)
-
-
-def _verification_steps(result: Verification, *, brief: bool) -> Iterator[doc.Line]:
-    before, after = result.before.path, result.after.path
+    """Next steps after the adjustment was measured, or that there are none; `brief`: no report."""
+    before, after, steps = result.before.path, result.after.path, list[doc.Line]()
     machine_file = result.inputs[0].machine_file
     outcome = result.decision and result.decision.outcome
     diagnosed = command("diagnose", after, machine=machine_file)
     if not result.kept:
         if result.answer is Behaviour.AS_MODELLED:
-            yield doc.step("Find what else changed, or what was wrong before", diagnosed)
+            steps.append(doc.step("Find what else changed, or what was wrong before", diagnosed))
         elif remedy := _remedy(result):
-            yield remedy
-        yield "Measure again, and compare again"
+            steps.append(remedy)
+        steps.append("Measure again, and compare again")
     elif outcome is Outcome.FAIL:
         text = "The offsets are right, but a deviation is beyond the limit: find its cause"
-        yield doc.step(text, diagnosed)
+        steps.append(doc.step(text, diagnosed))
     else:
         if outcome is Outcome.UNDECIDED:
             again = command("measure", machine=machine_file, options="--cycles 10")
-            yield doc.step("To decide by the limit, lower U: measure more cycles", again)
+            text = "To decide by the limit, lower U: measure more cycles"
+            steps.append(doc.step(text, again))
         if brief and result.differences:
             limit = result.decision and result.decision.limit_mm
             write = command("report", before, machine=machine_file, after=after, limit=limit)
-            yield doc.step("Write the report, and keep it with the machine", write)
+            steps.append(doc.step("Write the report, and keep it with the machine", write))
+    done = f"Nothing more to do{': keep this report with the machine' * (not brief)}."
+    return doc.next_steps(steps, None if steps else done, *more)
 
 
 def _answer(result: Verification, response: Coefficient, answer: Behaviour) -> str:
-    """Response of the machine, in one sentence."""
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
     known = any(result.entered.values())
@@ -498,12 +465,11 @@ def _parameters_left(result: Verification) -> doc.Section:
         "now": ["unknown" if new is None else doc.strong(active(new, decimals)) for new in now],
         "left ± U": [*map(_known, result.after.parameters)],
     }
-    caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
-    caption += " the second."
-    note = None
-    if now.count(None) == len(now):
-        note = "The files do not record what was entered. A saved printer.cfg does."
-    return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
+    caption = "Before, now: in the controller. Found, left: by the first and second measurement."
+    note = "The files do not record what was entered. A saved printer.cfg does."
+    unknown = now.count(None) == len(now)
+    grid = doc.Grid.of(columns, caption=caption)
+    return doc.Section(f"Parameters{unit}", grid, note if unknown else None)
 
 
 def _known(row: Parameter) -> str | None:
@@ -511,29 +477,26 @@ def _known(row: Parameter) -> str | None:
 
 
 def _differences_left(result: Verification) -> doc.Section:
-    """The differences as left, and the rule by which a limit is judged; nothing of heights."""
+    """The rule by which a limit is judged, and the differences as left; nothing of heights."""
     made = result.decision
     rule = doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
     return doc.Section("Predicted and measured", rule, _left_figure(result))
 
 
 def _left_figure(result: Verification) -> doc.Figure | None:
-    """The differences as left; None of heights."""
-    every = result.differences
-    if not every:
-        return None
     rows = [
         (row.name, row.measured_mm, row.expected_mm, row.after_expanded_mm, row.after_mm)
-        for row in every
+        for row in result.differences
     ]
+    if not rows:
+        return None
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
-    outcomes = [row.outcome.capitalize() for row in every if row.outcome]
+    outcomes = [row.outcome.capitalize() for row in result.differences if row.outcome]
     return figures.differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
 def _response(result: Verification) -> Iterator[doc.Block]:
-    """All axes together, each, and what else changed; nothing of heights."""
     rows, decimals = result.axes.values(), _decimals(result)
     if result.response:
         yield (
@@ -604,7 +567,6 @@ def _circumstances(
 
 
 def _moment(written: str | None) -> doc.Marked | None:
-    """An ISO 8601 time, as people read it."""
     return None if written is None else doc.given(moment_words(datetime.fromisoformat(written)))
 
 
