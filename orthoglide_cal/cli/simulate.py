@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from orthoglide_cal.model.machine import Machine
-    from orthoglide_cal.model.model import Cause, Effect, Place
+    from orthoglide_cal.model.model import Effect
     from orthoglide_cal.model.plan import Plan
 
 
@@ -50,9 +50,9 @@ def simulate(
         " --offsets are the errors of its endstops.",
     ),
     cause: Texts = option(
-        "ID[@PLACE]=VALUES",
-        "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1, gauge_drift@x,y=0.05"
-        " (leg, direction) or misread@12=0.1 (twelfth reading). May be repeated.",
+        "ID=VALUES",
+        "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1 or misread=0.1, whose"
+        " place is random. May be repeated.",
     ),
     seed: Count = option("N", "Whole number; the same one gives the same session.", min=0),
     target: File = common.OUTPUT,
@@ -108,22 +108,19 @@ def simulate(
 
 
 def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
-    """The effect that `--cause ID[@PLACE]=VALUES` describes (`orthocal guide simulate`).
+    """The effect that `--cause ID=VALUES` describes (`orthocal guide simulate`).
 
-    Parameters that nobody can type (where a carriage with lost motion stands before its first
-    motion) are drawn at random. Raises UsageError: no such cause or place, or not as many values
-    as the cause has parameters.
+    Drawn at random are its place and what nobody can type (where a carriage with lost motion stands
+    before its first motion). Raises UsageError: it cannot act here, or not as described.
     """
     import numpy as np
 
     from orthoglide_cal.causes import CAUSES
 
-    head, _, sizes = text.partition("=")
-    id, _, place = (part.strip() for part in head.partition("@"))
+    id, _, sizes = text.partition("=")
     possible = [id for id, cause in CAUSES.items() if cause.usual(machine) is not None]
     if id not in possible:
-        where = f" of kind {machine.kind}" if id in CAUSES else ""
-        fault = f"There is no cause {id!r}{where}."
+        fault = f"There is no cause {id!r} of kind {machine.kind}."
         raise UsageError(fault, f"Choose one of {', '.join(possible)}.")
     cause = CAUSES[id]
     names = list(machine.named(cause.names).values())
@@ -141,30 +138,14 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
     if any(not low <= value <= LARGEST for value in values):
         remedy = f"Give numbers from {low:g} to {LARGEST:g}."
         raise UsageError(f"{id} cannot have this size.", remedy)
+    places = [p for p in cause.places(plan, machine) if cause.reversible(plan, p)]
+    if not places:
+        raise UsageError(f"{id} cannot act in this session.", "Choose another protocol.")
     # The last terms of a shape may be left out.
     values += [0.0] * (len(names) - len(values))
     hidden = rng.normal(0.0, cause.prior_std(machine)[len(names) :])
-    parameters = np.concatenate([np.array(values) * cause.scale, hidden])
-    return cause.at(parameters, _place(cause, place, plan, machine))
-
-
-def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
-    """The place that a text names, "" where there is only one. Raises UsageError."""
-    places = cause.places(plan, machine)
-    by_leg = all(part < 3 for place in places for part in place)
-    number = {row: str(count) for count, row in enumerate(plan.in_time.tolist(), start=1)}
-
-    def name(place: Place) -> str:
-        if by_leg:
-            return ",".join("xyz"[part] for part in place)
-        return number[place[0]] + "+" * any(place[1:])  # of a reading or unit; from it on
-
-    named = {name(place): place for place in places}
-    place = named.get(text.replace(" ", ""))
-    if place is not None and cause.reversible(plan, place):
-        return place
-    forms = {"12": "12 (a reading)", "x,y": "x,y (leg, direction)", "x": "x (a leg)"}
-    forms |= {"1": "1 (a unit)", "": "no place"}
-    example = next((form for known, form in forms.items() if known in named), "none fits")
-    fault = f"{cause.id} cannot act{f' at {text!r}' if text else ''} in this session."
-    raise UsageError(fault, f"Give as its place: {example}.")
+    # The noise stays that of the session without the cause.
+    place = places[rng.spawn(1)[0].integers(len(places))]
+    if where := cause.label(place, plan, machine):
+        common.tell(f"{id}: {where}")
+    return cause.at(np.concatenate([np.array(values) * cause.scale, hidden]), place)

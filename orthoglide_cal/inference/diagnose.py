@@ -19,7 +19,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import Solution, fit_parameters, scatter_of_repeats
+from orthoglide_cal.estimation.solution import Solution, scatter_of_repeats, solve
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
@@ -111,7 +111,7 @@ class Diagnosis(Decision):
         # Found already, but for data that are weighed otherwise there.
         known = self.white.raw and self.white.texture is None
         best = self.at.offsets[0] if known else None
-        return fit_parameters(self.measured, self.model, offsets=best)
+        return solve(self.measured, self.model, offsets=best)
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fit], ...]:

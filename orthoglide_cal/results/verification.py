@@ -381,7 +381,6 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
     diagnosis = diagnose(given.measured, model)
     alone = diagnosis.alone
-    alone.require_possible()
     return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
 
 

@@ -16,16 +16,14 @@ LARGE_FILE = str(ROOT / "configs" / "orthoglide_large.yaml")
 CAUSES = (
     "axis_gap=0.1,0.2,-0.1", "axis_squareness=1,-1,0.5", "leg_length=0.01,0,-0.02",
     "encoder_scale=1,-1,2", "backlash=0.02,0.01,0.03", "thermal_drift=0.05,0.1,-0.1",
-    "bar_skew=1,2,-1,0.5,0.2,-2", "gauge_drift@x,y=0.05", "stand_shift@12=0.1",
-    "gauge_slip@7=1", "gauge_slip@7+=-1", "misread@60=0.1", "sign_flip@z,x", "swapped_gauges@y",
-    "sign_flip", "exchanged_columns", "wrong_unit@1", "wrong_unit@4",
+    "bar_skew=1,2,-1,0.5,0.2,-2", "gauge_drift=0.05", "stand_shift=0.1", "gauge_slip=1",
+    "gauge_slip=-1", "misread=0.1", "sign_flip", "swapped_gauges", "exchanged_columns",
 )  # fmt: skip
 
 
 def session(*arguments: str) -> Readings:
     shown = run("simulate", "--seed", "5", *arguments)
     assert shown.exit_code == 0, shown.stderr
-    assert shown.stderr == ""
     path = Path("session.csv")
     path.write_text(shown.stdout, encoding="utf-8")
     return read_input(str(path), NOMINAL).measured
@@ -54,16 +52,10 @@ def test_every_cause_changes_the_readings_and_a_placed_one_nowhere_else() -> Non
         changed = change(cause)
         assert np.abs(changed - (zeros @ changed)[healthy.plan.setup]).max() > 1e-4, cause
 
-    after = [12, 14, 16, 18, 20]
-    for cause, rows in (
-        ("misread@12=0.1", [12]),
-        ("gauge_slip@12=2", [12]),
-        ("gauge_slip@12+=2", after),
-        ("stand_shift@12=0.1", after),
-        ("gauge_drift@y,x=0.5", list(range(21, 41, 2))),
-    ):
-        assert (np.flatnonzero(np.abs(change(cause)) > 1e-6) + 1).tolist() == rows
-    assert change("misread@3=0.1", "gauge_slip@3=1")[2] == pytest.approx(1.1, abs=1e-9)
+    shown = run("simulate", "--seed", "5", "--cause", "misread=0.1").stderr
+    assert shown.startswith("misread: leg ")
+    row = int(shown.split("(reading ")[1].rstrip(")\n"))
+    assert (np.flatnonzero(np.abs(change("misread=0.1")) > 1e-6) + 1).tolist() == [row]
 
 
 def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:

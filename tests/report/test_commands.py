@@ -54,10 +54,10 @@ def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
 
 def test_report_says_what_to_do_about_a_cause_that_moves_nothing(tmp_path: Path):
     wrong = tmp_path / "wrong.csv"
-    run("simulate", "--cause", "misread@7=0.3", "--seed", 1, "--output", wrong)
+    run("simulate", "--cause", "misread=0.3", "--seed", 1, "--output", wrong)
     page = run("report", wrong).stdout
     assert "Nothing to enter" in page
-    assert "Read again: leg x, direction y, iso, cycle 2 (reading 7)." in page
+    assert "Read again: leg x, direction y, iso, cycle 1 (reading 1)." in page
 
 
 def test_report_as_left(healthy: Path, tmp_path: Path):

@@ -167,8 +167,7 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
     """Two lines for each row, as printed and as computed, and the verdict."""
     rows = []
     for row in reproduction.rows:
-        computed = row.computed or (None,) * len(row.published)
-        both = (row.name, "published", row.published), ("", "computed", computed)
+        both = (row.name, "published", row.published), ("", "computed", row.computed)
         for name, origin, values in both:
             cells = ("—" if part is None else plain(part, reproduction.digits) for part in values)
             rows.append((name, origin, *cells))
