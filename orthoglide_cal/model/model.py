@@ -185,7 +185,7 @@ class Cause:
 
     @property
     def freedom(self) -> int:
-        """The same without those that are smaller than the first."""
+        """Number of those that are as large as the first."""
         return self.shares[0].count(1.0) if self.shares else self.unknowns
 
     def places(self, plan: AnyPlan, machine: Machine) -> tuple[Place, ...]:

@@ -38,15 +38,13 @@ def html(page: doc.Page) -> str:
         tag("div", *signatures, class_="sign") if signatures else None,
         tag("div", *_sections(page.sections), class_="evidence"),
     )
-    body = tag(
-        "body",
-        page.stamp
-        and tag("div", class_="stamp", data_word=page.stamp.split(":")[0], aria_hidden="true"),
-        page.stamp and tag("p", page.stamp, class_="kind"),
-        tag("header", tag("p", page.kind, class_="kind"), title, *top),
-        main,
-        tag("footer", *(tag("p", line) for line in page.closing)) if page.closing else None,
-    )
+    stamp = []
+    if page.stamp:
+        across = tag("div", class_="stamp", data_word=page.stamp.split(":")[0], aria_hidden="true")
+        stamp = [across, tag("p", page.stamp, class_="kind")]
+    header = tag("header", tag("p", page.kind, class_="kind"), title, *top)
+    footer = tag("footer", *(tag("p", line) for line in page.closing)) if page.closing else None
+    body = tag("body", *stamp, header, main, footer)
     return f"<!DOCTYPE html>\n{tag('html', tag('head', head, name), body, lang='en')}\n{doc.MARK}"
 
 

@@ -1,8 +1,6 @@
 """Reasons, cautions, notes and remedies in words, which stand in `sentences.toml`.
 
-A sentence is a format string over the data of its reason, the `words` of the machine and those of
-the `cause` that the reason names by its id, which stand in its page of the guide. Where its grammar
-depends on the data it has a format of its own.
+That says what a sentence is made of. Where its grammar depends on the data it has a format here.
 """
 
 import math
@@ -127,8 +125,7 @@ def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
     """Remedy of a pattern."""
     known = {size.name: size.value for size in pattern.parameters}
     rest = math.ceil(RESTING * known.get("time_constant", 0.0))
-    text = _PATTERNS[pattern.how]["remedy"]
-    between = "two readings"
+    text, between = _PATTERNS[pattern.how]["remedy"], "two readings"
     if len(pattern.between) > 1:
         first, last = pattern.between
         place = ", ".join(f"{name} {value}" for name, value in first.items() if name != "order")
@@ -137,11 +134,6 @@ def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
     moment, where = pattern.from_minutes or 0.0, where_words(machine, pattern)
     there = " there" * bool(pattern.where)
     return text.format(where=where, there=there, rest=rest, moment=moment, between=between)
-
-
-def _doubt(doubt: Reason, part: str) -> str:
-    """The part "why" or "remedy" of a doubt about readings."""
-    return _Formatter(None).vformat(_DOUBTS[doubt.code][part], (), doubt.data)
 
 
 # In addition to Python's formats.
@@ -192,8 +184,6 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "steps": lambda kept: ", ".join(
         f"r {step} ({why})" if len(kept) <= 3 else f"r {step}" for step, why in kept
     ),
-    "why": lambda doubt: _doubt(doubt, "why"),
-    "remedy": lambda doubt: _doubt(doubt, "remedy"),
     # Is something wrong, or nothing?
     "is": lambda sound: "may be" if sound else "is",
     "from": lambda sound: " from each other or from a sound machine" * sound,
@@ -215,16 +205,15 @@ _MACHINE_FORMATS: Mapping[str, Callable[[Machine, Any], str]] = {
 
 
 class _Formatter(string.Formatter):
-    """Writes values in the words of a kind of machine."""
-
     def __init__(self, machine: Machine | None) -> None:
         self._machine = machine
 
     def format_field(self, value: object, format_spec: str) -> str:
         if self._machine and format_spec in _MACHINE_FORMATS:
             return _MACHINE_FORMATS[format_spec](self._machine, value)
-        if isinstance(value, Reason) and not format_spec:
-            return sentence(value, self._machine)
+        if isinstance(value, Reason):
+            part = _DOUBTS.get(value.code, {}).get(format_spec)
+            return self.vformat(part, (), value.data) if part else sentence(value, self._machine)
         words = _FORMATS.get(format_spec)
         return words(value) if words else str(super().format_field(value, format_spec))
 

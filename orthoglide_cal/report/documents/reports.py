@@ -312,7 +312,6 @@ def verification_document(result: Verification) -> doc.Document:
 
 
 def _says(result: Verification) -> Callable[[Reason], str]:
-    """Composes the sentence for a reason, in the words of the machine."""
     return partial(sentence, machine=result.inputs[1].model.machine)
 
 

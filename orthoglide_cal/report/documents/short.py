@@ -22,7 +22,6 @@ from orthoglide_cal.words import counted, decimals_for, plain, signed, with_unce
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
 
-
 _KEYS = 58  # characters behind which the keys of a group go on in the next line of a terminal
 
 
@@ -59,10 +58,7 @@ def check_document(check: Check, source: Source | None = None) -> doc.Document:
 
 
 def application_document(application: Application) -> doc.Document:
-    """The offsets in the controller from now on, and what comes next.
-
-    As data what changes in the machine file [mm].
-    """
+    """The offsets in the controller from now on, and what comes next; as data what changes [mm]."""
     entry, machine, given = application.entry, application.file.model.machine, application.given
     undone, written, controller = application.undone, application.written, application.controller
     simulated = given is not None and given.measured.source.simulated
@@ -107,9 +103,8 @@ def application_document(application: Application) -> doc.Document:
             caption += " Home offsets change so that the tables add nothing at the switches."
         restarts = controller.format == "linuxcnc" and not application.live
         first = f"{'Restart LinuxCNC: it reads its INI only then. ' * restarts}{words.restart}"
-    sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
-    if application.corrections:
-        sections.append(doc.Section(None, _corrections(application.corrections)))
+    corrections = doc.Section(None, _corrections(application.corrections))
+    sections = [doc.Section(None, doc.Grid(head, rows, caption=caption)), corrections]
     title, steps = "To be taken back", list[doc.Line]([first])
     if given is not None:
         title, again = "To be recorded", doc.step(f"{words.anew}.", measure_again(given))
@@ -124,7 +119,6 @@ def application_document(application: Application) -> doc.Document:
 
 
 def _corrections(corrections: Sequence[Correction]) -> doc.Grid:
-    """Sizes of each cause that the controller corrects, and those that it does not."""
     why = {
         "": "corrected",
         "no_place": "the controller has no place for it",
@@ -150,10 +144,9 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
     rows = []
     for one in answer.adjustments:
         plan, decimals = one.adjustment, decimals_for(one.adjustment.expanded_mm)
-        tight = one.readings_mm.get(Phase.TIGHT)
+        values = one.target_mm, one.readings_mm.get(Phase.TIGHT), plan.check_mm, one.check_mm
         target, reached, expected, measured = (
-            "—" if value is None else signed(value, decimals)
-            for value in (one.target_mm, tight, plan.check_mm, one.check_mm)
+            "—" if value is None else signed(value, decimals) for value in values
         )
         target += f" ± {plain(plan.expanded_mm, decimals)}" * (one.target_mm is not None)
         expected += f" ± {plain(plan.check_expanded_mm, decimals)}"
@@ -171,10 +164,7 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
 
 
 def paper_document(reproduction: "Reproduction") -> doc.Document:
-    """Two lines for each row, as printed and as computed, and the verdict.
-
-    As data None stands where nothing was printed or nothing can be computed.
-    """
+    """Two lines for each row, as printed and as computed, and the verdict."""
     rows = []
     for row in reproduction.rows:
         computed = row.computed or (None,) * len(row.published)
