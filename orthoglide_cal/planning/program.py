@@ -52,8 +52,7 @@ class Block(ReadOnly):
 
     first: SessionStep  # of those that are read there
     row: Mapping[str, str]  # column of the table → text; the numbers are joints and lengths in mm
-    # To the isotropic posture, this one included, where the gauges are put to their places before
-    # this block, shape (n, 3); empty where they stay as they are.
+    # To the isotropic posture, where the gauges are put to their places, (n, 3), perhaps empty.
     set_up: Floats
     # From the posture before, along the axes of the legs, to where it is slowly approached, (n, 3).
     way: Floats

@@ -296,8 +296,7 @@ def _lasting(diagnosis: Diagnosis) -> list[Effect]:
 def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
-    No change exceeds its U, nor do all together say that homing has moved (χ²): what else may be
-    wrong, and what is taken as the controller has it, would be the same again.
+    No change exceeds its U, nor do all together say that homing has moved (χ²).
     """
     for effect in model.remaining():
         # It is to be entered, too.
@@ -315,8 +314,7 @@ def _with_others(
 ) -> Release:
     """The release of parameters, knowing what the other data of the same file say.
 
-    They hold the release only where their parameters contradict these beyond U, and belong to the
-    same settings.
+    Those of the same settings hold it where their parameters contradict these beyond U.
     """
     reasons, cautions = [], []
     for other in others:
