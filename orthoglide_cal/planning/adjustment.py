@@ -58,11 +58,7 @@ class Adjustment(Estimate):
 
 
 class MovedAlone(Cause):
-    """A change of another cause's parameter that one rail makes alone.
-
-    A cause shares a parameter evenly among the rails that it moves: the frame stays between them.
-    Who adjusts one leaves the others, and the gauge's stand, where they are.
-    """
+    """A change of another cause's parameter, which that shares among rails, by one rail alone."""
 
     def __init__(self, cause: Cause, screw: Screw, nominal: Geometry, parameter: int) -> None:
         self.id, self.names, self._cause = cause.id, cause.names, cause

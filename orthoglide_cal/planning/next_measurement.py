@@ -1,7 +1,4 @@
-"""The next measurement: what can be done, ranked by what it decides and determines for the time.
-
-What a plan says holds before anything is measured; here readings and their diagnosis are there.
-"""
+"""The next measurement: what can be done, ranked by what it decides and determines for the time."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -420,8 +417,7 @@ def _combined(
 def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[slice]]:
     """One plan of the first readings and all new ones, and the rows of each of these in it.
 
-    Every plan comes behind the first readings' last travel, as if there were no other: the
-    carriages reach it from where they would.
+    Every plan comes behind the first readings' last travel, as if there were no other.
     """
     parts = [] if first is None else [first]
     spans = []

@@ -316,8 +316,8 @@ def _margins(
         spare = len(leaves) - len(offsets)
         return np.asarray(spare * (unit**-2.0 - 1.0 + 2.0 * np.log(unit)))
 
-    # What each cause of plausible size does, at each place and for each choice of signs: it adds
-    # (n, r) [mm] to the readings, written down in a unit (r,) [mm]; and the share of each (r,).
+    # What each cause of plausible size adds, at each place and with each choice of signs, (n, r)
+    # [mm], the unit in which it is written down, (r,) [mm], and the share of each, (r,).
     truths = []
     for cause in causes:
         if cause.exchanges:
@@ -356,9 +356,8 @@ def _margins(
 def _cost(columns: Floats, left: Floats, cause: Cause, machine: Machine) -> Floats:
     """Cost of changes (k, r) with a cause at its best place, and of its best size, shape (r,).
 
-    One unit of each parameter adds columns (places, k, p). Of named parameters that cannot be
-    negative the best choice acts, the others are zero; whole numbers cost what they are rarer than
-    the most frequent ones.
+    One unit of each parameter adds columns (places, k, p). Named parameters that cannot be negative
+    may be zero; whole numbers cost what they are rarer than the most frequent ones.
     """
     if cause.counts:
         pattern, without = columns[..., 0].T, -0.5 * (left**2).sum(axis=0)[:, None]
@@ -412,11 +411,7 @@ class Pair(Schema):
 
 
 class MeasurementPlan(Schema):
-    """The forecast of a session, and of other ways to measure; its dump is `plan --json`.
-
-    The floor is less than what the session leaves in addition to scatter: more readings say more
-    about what else is uncertain.
-    """
+    """The forecast of a session, and of other ways to measure; its dump is `plan --json`."""
 
     model: Model = Field(exclude=True)
     # As was asked for, or as long as the target takes.
@@ -438,11 +433,9 @@ class MeasurementPlan(Schema):
     now_mm: float | None = None  # largest U that the data have already; None without any
     budget: tuple[Contribution, ...]
     k: float  # of the budget, U/u
-    # What no number of readings reduces, its largest source, and the cycles that stand for any
-    # number; None for nothing, or for a layout.
+    # U that no number of readings reduces, its largest source, and cycles that stand for any.
     limits: Mapping[str, object]
-    # Every protocol with every method, with the fewest cycles that make no U larger than the
-    # largest of the session, and the fewest moves of a gauge; without those that never do.
+    # Every protocol and method with the fewest cycles and moves for no larger U, if any.
     compare: tuple[SessionForecast, ...] = ()
     # What its readings, or those of `MOST_COMPARED` cycles, can distinguish; nearest first.
     separation: tuple[Pair, ...]

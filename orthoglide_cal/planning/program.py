@@ -44,7 +44,6 @@ _DECIMALS = 4
 # A comment ends at ")", a program at "%"; "#" and others make some controllers compute.
 _FOREIGN = re.compile(r"[^A-Za-z0-9 .,:+=<>'/_-]")
 _CSV, _GCODE = ".csv", (".nc", ".ngc", ".gcode", ".tap", ".cnc")
-_COMMENT_WIDTH = 76  # some controllers read no more than 80 characters of a line
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +52,7 @@ class Block(ReadOnly):
 
     first: SessionStep  # of those that are read there
     row: Mapping[str, str]  # column of the table → text; the numbers are joints and lengths in mm
-    # To the isotropic posture, this one included, where the gauges are put to their places before
-    # this block, shape (n, 3); empty where they stay as they are.
+    # To the isotropic posture, where the gauges are put to their places, (n, 3), perhaps empty.
     set_up: Floats
     # From the posture before, along the axes of the legs, to where it is slowly approached, (n, 3).
     way: Floats
@@ -259,12 +257,10 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
 
     def comment(words: str) -> None:
         """Write comment lines with nothing in them that a controller obeys."""
-        harmless = _FOREIGN.sub("?", words)
+        text = _FOREIGN.sub("?", words)
         # Some controllers obey comments that begin with a word of theirs, such as "MSG,".
-        for line in textwrap.wrap(
-            harmless, _COMMENT_WIDTH, subsequent_indent="- ", break_on_hyphens=False
-        ):
-            lines.append(f"({line})")
+        wrapped = textwrap.wrap(text, 76, subsequent_indent="- ", break_on_hyphens=False)
+        lines.extend(f"({line})" for line in wrapped)  # some read no more than 80 characters
 
     def move(joints: Floats, feed: float) -> str:
         """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
@@ -294,18 +290,16 @@ def program_gcode(program: PostureProgram, document: FileText) -> str:
 
 def _head(program: PostureProgram, template: Template) -> Iterator[str]:
     """Meaning of the numbers, the session of the blocks, and what the approach hides."""
-    home = short(program.machine.home_mm, _DECIMALS)
-    meaning = {
-        "joints": f"joint positions as the controller shows them: all {home} at the"
-        " isotropic posture",
-        "tool": "tool positions: all 0 at the isotropic posture",
-    }
+    meaning = "tool positions: all 0"
+    if template.values == "joints":
+        home = short(program.machine.home_mm, _DECIMALS)
+        meaning = f"joint positions as the controller shows them: all {home}"
     postures = counted(len(program.blocks), "posture")
     yield f"For {program.machine.name}: {postures}, each a numbered block."
     yield "Blocks and steps are those of this command, and of no other:"
     yield program.session
     yield (
-        f"X Y Z are {meaning[template.values]}. Absolute, in mm. Feeds in mm per minute. No"
+        f"X Y Z are {meaning} at the isotropic posture. Absolute, in mm. Feeds in mm per minute. No"
         " work offset and no tool length may be active."
     )
     yield "Begin at the isotropic posture. To run a block again, drive there first."

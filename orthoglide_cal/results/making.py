@@ -155,12 +155,13 @@ def answer_to(
     explaining = () if shown_alone else diagnosis.causes if named else diagnosis.acting
     left_mm = next((one.rms_after_mm for one in explaining), at_chosen.rms_after_mm)
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
-    lack = diagnosis.lack_of_fit
+    lack, shown = diagnosis.lack_of_fit, details or not shown_alone
     workspace, std = None, budget.std_mm
     if details:
         with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
             at_most = budget.covariance_mm2, budget.k
             workspace = workspace_error(real.model, chosen.offsets_mm, *at_most)
+    without = schema.Alone(parameters=offsets_only, rms_after_mm=solution.rms_after_mm)
     correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
     return schema.Answer(
@@ -175,18 +176,14 @@ def answer_to(
         dof=None if budget.dof >= NORMAL_DOF else round(budget.dof),
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
-        alone=schema.Alone(parameters=offsets_only, rms_after_mm=solution.rms_after_mm)
-        if named and not shown_alone
-        else None,
+        alone=None if shown_alone or not named else without,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=lack.noise.changed(used_mm=chosen.noise.sigma_mm, dof=solution.dof),
         deviations=rows,
         deviations_rms=schema.Residue(before_mm=rms(was), after_mm=rms(will_be)) if rows else None,
         budget=budget.contributions,
-        converged=True,
-        residuals=()
-        if shown_alone and not details
-        else tuple(_residuals(measured, solution, diagnosis)),
+        converged=solution.converged,
+        residuals=tuple(_residuals(measured, solution, diagnosis) if shown else ()),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, chosen, rows, budget.k) if rows and decision.needed else None,
         ruled_out=model.ruled_out,
@@ -297,8 +294,7 @@ def _lasting(diagnosis: Diagnosis) -> list[Effect]:
 def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
-    No change exceeds its U, nor do all together say that homing has moved (χ²): what else may be
-    wrong, and what is taken as the controller has it, would be the same again.
+    No change exceeds its U, nor do all together say that homing has moved (χ²).
     """
     for effect in model.remaining():
         # It is to be entered, too.
@@ -316,8 +312,7 @@ def _with_others(
 ) -> Release:
     """The release of parameters, knowing what the other data of the same file say.
 
-    They hold the release only where their parameters contradict these beyond U, and belong to the
-    same settings.
+    Those of the same settings hold it where their parameters contradict these beyond U.
     """
     reasons, cautions = [], []
     for other in others:
@@ -514,22 +509,16 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     if any(state.pattern for state in diagnosis.explanations):
         # Instead of what happened at one place something beyond the list may have.
         sure -= {cause.id for cause in diagnosis.causes if cause.where}
-    remedies = [
-        Remedy(sentence=cause.remedy)
-        for cause in diagnosis.causes
-        if cause.id in sure and not cause.in_machine
-    ]
+    passing = [cause for cause in diagnosis.causes if not cause.in_machine]
+    remedies = [Remedy(sentence=cause.remedy) for cause in passing if cause.id in sure]
     spare = diagnosis.lack_of_fit.dof - sum(e.cause.freedom for e in diagnosis.effects)
     if diagnosis.measured.kind is DataKind.READINGS and spare <= 0:
         reasons.append(Reason.of("few_readings"))
         remedies.append(Remedy.of("more_readings"))
     else:
         remedies.append(_decisive(diagnosis, following))
-    remedies += [
-        Remedy.of("or", first=cause.remedy)
-        for cause in diagnosis.causes
-        if cause.where and not cause.in_machine and cause.id not in sure
-    ]
+    unsure = (cause for cause in passing if cause.where and cause.id not in sure)
+    remedies += (Remedy.of("or", first=cause.remedy) for cause in unsure)
     baselines, shape = diagnosis.baselines, diagnosis.model.machine.shape
     best = baselines and not baselines.better and baselines.extension_mm < baselines.parameters_mm
     if best and shape in (*ids, *diagnosis.ambiguous_with):
@@ -577,20 +566,18 @@ def _named(
     remedies = []
     # A slip in the record is looked for sooner than a machine is taken apart.
     for finding in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
-        cause = CAUSES[finding.id]
-        remedy = Remedy(sentence=finding.remedy)
+        id, cause = finding.id, CAUSES[finding.id]
         if finding.recommended:
-            remedy = Remedy.of("accept", "diagnose", f"--accept {finding.id}", id=finding.id)
-        remedies.append(remedy)
+            remedies.append(Remedy.of("accept", "diagnose", f"--accept {id}", id=id))
+        else:
+            remedies.append(Remedy(sentence=finding.remedy))
         if cause.by_joint and machine.adds_to_joints:
-            let = Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=finding.id)
-            remedies.append(let)
-        elif cause.with_travel or finding.id in machine.fixed_parameters:
-            let = Remedy.of("klipper_corrects", "apply", "--to printer.cfg", id=finding.id)
-            remedies.append(let)
+            remedies.append(Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=id))
+        elif cause.with_travel or id in machine.fixed_parameters:
+            remedies.append(Remedy.of("klipper_corrects", "apply", "--to printer.cfg", id=id))
         beyond = any(abs(size.value) > size.expanded for size in finding.parameters)
         if cause.adjustable and beyond:
-            remedies.append(Remedy.of("adjust", "adjust", f"--cause {finding.id}"))
+            remedies.append(Remedy.of("adjust", "adjust", f"--cause {id}"))
     u = NORMAL_K * diagnosis.std_mm
     if np.all(shift <= u) and all(machine.determined(u)):
         caution = Reason.of("within_u", ids=ids, **size)

@@ -1,7 +1,6 @@
 """Did the correction work as predicted? Two measurements and what was entered between them.
 
-Gauges are compared in the differences that both measurements hold, of the machine as it was found.
-Their change c is regressed on what the model predicts for the correction,
+The change c of the differences that both hold is regressed on what the model predicts,
 
     c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
 
@@ -9,9 +8,8 @@ h: predicted differences, Δρ: offsets before, δ: entered in the controller. A
 off the offset that remains (true = indicated + Δρ), so theory says β = 1. What the controller
 corrects of causes from then on was entered, too: g holds it; each axis is judged without it.
 
-A machine that probes itself has other places each time: what is compared is how much the heights
-scatter, and what is left of each parameter. It is as predicted if the mean squares differ by no
-more than noise and local shape, as stated, explain.
+A machine that probes itself has other places each time: it is as predicted if the mean squares of
+its heights differ by no more than noise and local shape, as stated, explain.
 """
 
 import math
@@ -126,11 +124,9 @@ class Conformity(Schema):
 
 
 class Verification(Schema):
-    """A correction compared with its prediction, as `verify --json` prints it.
+    """A correction compared with its prediction; its dump is `verify --json`."""
 
-    `inputs` are both measurements, each with the machine that it was judged by.
-    """
-
+    # Both measurements, each with the machine that it was judged by.
     inputs: tuple[InstanceOf[Input], InstanceOf[Input]] = Field(exclude=True, repr=False)
     schema_version: Literal[1] = 1
     simulated: bool  # one of the two, or both
@@ -141,15 +137,13 @@ class Verification(Schema):
     compared: int  # differences, or touches afterwards
     kept: bool  # the correction worked as predicted
     apart_mm: float | None = None  # of differences: r.m.s. of measured less predicted
-    # r.m.s. of the U of both together; beyond it not as predicted.
-    apart_expanded_mm: float | None = None
+    apart_expanded_mm: float | None = None  # r.m.s. of U of both; beyond it not as predicted
     improves: bool | None = None  # of heights: the prediction is better than before, beyond noise
     moved: bool = False  # worse than before, although nothing was entered
     reservations: tuple[Sentence, ...]  # what to know before relying on it
     rms_before_mm: float
     rms_promised_mm: float
-    # Of heights: how far they may lie apart, on the side of what was measured, to be as predicted.
-    rms_expanded_mm: float | None = None
+    rms_expanded_mm: float | None = None  # of heights, on the side of what was measured
     rms_after_mm: float
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
     # Change of each parameter in between; null: nobody knows.
@@ -161,8 +155,7 @@ class Verification(Schema):
     response_dof: int | None = None
     axes: dict[str, AxisResponse] = Field({})
     answer: Behaviour | None = None
-    # Signed order of what was applied that explains the change better.
-    acted_as_mm: dict[str, float] | None = None
+    acted_as_mm: dict[str, float] | None = None  # in the signed order that explains more
     other_change: OtherChange | None = None
     decision: Conformity | None = None
 
@@ -318,10 +311,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
 
 
 def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, float]:
-    """Mean square of touches [mm²], its u, and what noise and local shape, as stated, make of it.
-
-    `heights` (n,) are those of all readings, or what the parameters leave of them [mm].
-    """
+    """Mean square of touches [mm²], its u, and what noise and local shape make of it; (n,) [mm]."""
     plan, machine = solution.problem.plan, solution.model.machine
     # Without their mean: the first layer's height is set apart.
     left = heights[plan.touches] - heights[plan.touches].mean()
@@ -389,7 +379,6 @@ def _entered(
 ) -> tuple[Floats, Corrections]:
     """Values added to the offsets, (3,) [mm], and corrections of the controller from then on.
 
-    The second may have been measured without knowing what had been entered: its machine file does.
     Where screws were `adjusted` and no file says that anything was entered, nothing was.
     """
     keeper, first, second = before.keeper, before.model.machine, after.model.machine
