@@ -5,6 +5,10 @@
 d are the data, h the predicted readings and R the reduction of the method: differences of
 readings for the paper's methods, zero-free contrasts of all readings for `readings`.
 
+Gauss–Newton with Levenberg–Marquardt damping where a step does not help; one call solves many
+sessions. The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which
+holds at zero offsets only.
+
 single            eq. 10, pseudoinverse              single-posture differences
 single-sequential eq. 11, one offset after the other
 six-linear        eq. 17, pseudoinverse              max − min
@@ -12,7 +16,8 @@ twelve-linear     eq. 16, pseudoinverse              max − iso, min − iso
 six, twelve       eq. 25, nonlinear least squares on the same differences
 readings          all raw readings at once, one unknown zero per gauge set-up
 
-Jacobians are those of the forward model; eqs. (16), (17) hold at zero offsets only.
+A solution says whether the data determine the offsets and the model fits. The promise is what the
+gauges will read once these are entered; it is computed here and only here.
 """
 
 from __future__ import annotations
@@ -60,8 +65,8 @@ from orthoglide_cal.schema import Schema
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
 MAX_ITERATIONS = 100
-# An undamped step shorter than this is the last one [standard deviations]: over it the model is
-# linear enough that no digit that is shown depends on where a search began.
+# An undamped step shorter than this is the last one [standard deviations]: over it the model is as
+# good as linear, so that no digit that is shown depends on where a search began.
 SHORT_STEP = 1e-5
 # Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
 ROUNDING_MM = 1e-12
@@ -80,17 +85,17 @@ PACE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Contrasts(ReadOnly):
-    """W of shape (k, n), combinations of readings that no zero enters, in n·s numbers.
+    """W of shape (k, n), as what it does to readings: combinations that no zero enters.
 
         W y = D (Qᵀ F y)[s:],   D = I − U diag(1 − f) Uᵀ,   Q = I − V T Vᵀ
 
     F takes the readings as precise as they are. Q is orthogonal, and its first s columns span the
-    zeros (Householder).
+    zeros (Householder). It costs n·s steps and numbers instead of n².
     """
 
     zeros: Floats  # s columns that span the zeros, orthonormal, (n, s)
     precision: Floats  # of each reading, shape (n,)
-    # U (k, q) and f (q,) as of `shrinking`; None where D = I.
+    # U, orthonormal columns, (k, q), and f, (q,), as of `shrinking`; None where D = I.
     shrunk: tuple[Floats, Floats] | None = None
     turned: bool = False  # Wᵀ instead, of shape (n, k)
 
@@ -116,7 +121,7 @@ class Contrasts(ReadOnly):
         return altered(self, turned=not self.turned, _reflected=self._reflected)
 
     def __matmul__(self, values: Floats) -> Floats:
-        """W y of readings (n,) or (..., n, q); Wᵀ d of data if it is turned."""
+        """W y of readings (n,), or of columns (..., n, q); Wᵀ d of data if it is turned."""
         if values.ndim == 1:
             return np.asarray((self @ values[:, None])[:, 0])
         v, last = self._reflected
@@ -150,9 +155,10 @@ Reduction = Floats | Contrasts
 
 @functools.lru_cache(maxsize=8)
 def zero_free(plan: Plan) -> Contrasts:
-    """Contrasts of independent, equal noise, shape (n − setups, n).
+    """Contrasts that no zero enters, of independent, equal noise, shape (n − setups, n).
 
-    Least squares on them is generalised least squares on readings with one zero per set-up.
+    Orthonormal where all readings are equally precise. Least squares on the contrasts is
+    generalised least squares on the readings with one unknown zero per set-up.
     """
     if plan is not plan.steps:
         return zero_free(plan.steps)
@@ -170,12 +176,12 @@ def without_zeros(plan: Plan, values: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Problem(ReadOnly):
-    """What one data set, or many, are compared with."""
+    """One estimation problem; many data sets may share it."""
 
     model: Model
     plan: Plan  # n readings
     matrix: Reduction  # R, shape (k, n)
-    which: tuple[Difference, ...] = ()  # that its data are; none of readings
+    which: tuple[Difference, ...] = ()  # differences that its data are, if they are any
 
     def only(self, rows: Bools) -> Problem:
         """The same of some of its k differences."""
@@ -183,7 +189,10 @@ class Problem(ReadOnly):
         return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
 
     def weighted(self, ratio: Floats) -> Problem:
-        """The same of contrasts of covariance σ² I + C Cᵀ, made independent; (k, p) is C/σ."""
+        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
+
+        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
+        """
         assert isinstance(self.matrix, Contrasts)
         return replace(self, matrix=altered(self.matrix, shrunk=shrinking(ratio)))
 
@@ -206,17 +215,23 @@ class Problem(ReadOnly):
 
     @cached_property
     def at_zero(self) -> tuple[Floats, Floats]:
-        """`predict_with_jacobian` at zero offsets: (k,) [mm], (k, 3)."""
+        """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""
         zero = np.zeros(len(self.model.machine.parameter_names))
         predicted, jacobian = self.predict_with_jacobian(zero)
         return read_only(predicted), read_only(jacobian)
 
     def covariance(self) -> Floats:
-        """R Rᵀ: covariance of differences for unit variance of a reading (eqs. 28, 31), (k, k)."""
+        """R Rᵀ: covariance of the data for unit variance of a common reading (eqs. 28, 31), (k, k).
+
+        Of differences: contrasts are independent.
+        """
         return self.spread(np.eye(len(self.matrix)))
 
     def spread(self, estimator: Numbers) -> Floats:
-        """M R Rᵀ Mᵀ of an estimator M (..., p, k), (..., p, p): V(Δρ)/σ² (eqs. 26, 29, 32)."""
+        """M R Rᵀ Mᵀ: the same of what an estimator M (..., p, k) makes of the data, (..., p, p).
+
+        V(Δρ)/σ² where M = (JᵀJ)⁻¹Jᵀ, of J at the solution (eqs. 26, 29, 32).
+        """
         moved = (estimator @ self.matrix) / self.plan.precision
         return np.asarray(moved @ moved.swapaxes(-1, -2))
 
@@ -229,6 +244,18 @@ class Problem(ReadOnly):
             return whiten(self.covariance() + ratio @ ratio.T, *values)
         return whiten_shared(ratio, *values)
 
+    def remaining(self, data: Floats, offsets: Floats) -> Floats:
+        """Distance of the offsets from the least-squares optimum, recomputed from the data.
+
+        |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
+        noise σ: no offset would move by more than as many of its standard deviations. Zero at a
+        stationary point of eq. (25), NaN where the model cannot be evaluated.
+
+        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
+        """
+        predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
+        return self.length(jacobian, normal_step(jacobian, data - predicted))
+
     def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
         moved = np.einsum("...kp,...p->...k", jacobian, step)
@@ -239,7 +266,7 @@ class Problem(ReadOnly):
 def simulate_at(
     model: Model, offsets: Floats, plan: Plan, strict: bool = True
 ) -> tuple[Floats, Floats]:
-    """`differentiate` at one point (3,), kept for later."""
+    """`differentiate` at one point (3,), kept for other weights and other sessions."""
     same = plan.steps if model.repeats else plan
     readings, jacobian = _simulate_at(model, tuple(offsets.tolist()), same)
     if strict and not np.isfinite(readings).all():
@@ -276,13 +303,11 @@ class LeastSquaresFit(ReadOnly):
 
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
-    # |J s|/σ of the last Gauss–Newton step s, with the stated noise σ: no offset moves by more of
-    # its standard deviations. NaN where the model cannot be evaluated; shape (...).
-    remaining: Floats
+    remaining: Floats  # as of `Problem.remaining`, before the last short step, (...)
 
     @property
     def converged(self) -> np.ndarray:
-        """True where nothing is left of the step, shape (...)."""
+        """True where nothing is left of the step, shape (...); a NaN is no."""
         return np.asarray(self.remaining <= OPTIMAL)
 
 
@@ -291,7 +316,8 @@ class LeastSquaresFit(ReadOnly):
 def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
     """Minimise |d − R·h(Δρ)|² for each data set d, shape (..., k) [mm], of one problem.
 
-    `start` are first offsets, shape (..., p) [mm]; zero if None. Not every fit is `converged`.
+    `start` are first offsets, shape (..., p) [mm]; zero if None. Look at `converged` before using a
+    number of the fit.
     """
     batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
     count, width = len(flat), len(problem.model.machine.parameter_names)
@@ -632,6 +658,21 @@ class Solution(OffsetEstimate):
         """The same model at other offsets, shape (3,) [mm], with what they leave."""
         left = self.data - self.problem.predict(offsets)
         return replace(self, offsets_mm=offsets, residuals_mm=left)
+
+    @cached_property
+    def converged(self) -> bool:
+        """True if the offsets are the optimum of the data held here, recomputed; a NaN is no.
+
+        A nonlinear method: by the step that it would still take. A linear one: by what its own
+        estimator finds in its residual.
+        """
+        problem = self.problem
+        if not self.method.linear:
+            return bool(problem.remaining(self.data, self.offsets_mm) <= OPTIMAL)
+        predicted, jacobian = problem.at_zero
+        left = self.data - predicted - jacobian @ self.offsets_mm
+        left = self.method.estimator(problem) @ left / self.budget.std_mm
+        return bool(np.abs(left).max() <= OPTIMAL)
 
 
 def solve(

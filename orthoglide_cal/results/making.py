@@ -475,6 +475,9 @@ def release(
 def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     """Objections of the solution's own check, each with what to do."""
     machine = solution.model.machine
+    if not solution.converged:
+        yield Reason.of("not_converged"), Remedy.of("validate", "validate")
+        return
     sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
     rows = zip(sizes, offsets, machine.plausible, strict=True)
     if beyond := [row for row in rows if abs(row[1]) > row[2]]:

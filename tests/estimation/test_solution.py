@@ -1,23 +1,23 @@
-"""A solution is the optimum (eq. 25); whether the model fits.
+"""A solution is the optimum (eq. 25), or says how far it is from it; whether the model fits.
 
 What it promises the gauges to read, once offsets are entered, is what the independent truth reads.
 A common size, log odds, and a p value judged by losses are what no other test sees alone.
 """
 
 import math
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.optimize import least_squares
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.solution import (
-    Method,
+    OPTIMAL,
     OffsetEstimate,
-    Solution,
     fit_offsets,
     promise,
     solve,
@@ -66,23 +66,26 @@ SOLVED: list[tuple[Measured, str]] = [
 def test_it_is_an_optimum_by_the_problem_that_it_holds(data: Measured, method: str) -> None:
     solution = solve(data, NOMINAL, method)
     assert solution.model is NOMINAL
-    assert solution.offsets_mm == pytest.approx(optimum(solution), abs=1e-9)
+    assert solution.converged
+    # From moved offsets a step is left that leads back, by as much as they were moved.
+    for size, axis in product((2.0 * OPTIMAL, -0.1), np.eye(3)):
+        away = solution.offsets_mm + size * solution.budget.std_mm * axis
+        moved = replace(solution, offsets_mm=away)
+        assert not moved.converged
+        if not solution.method.linear:
+            # By the stated noise: experiment 1 scatters by a hundred times as much.
+            assert 0.5 * abs(size) <= moved.problem.remaining(moved.data, moved.offsets_mm)
 
 
-def optimum(solution: Solution) -> Floats:
-    """Of the data that it holds, by a general solver; for a linear method as linearised at zero."""
-    problem, data = solution.problem, solution.data
-    zero, slope = problem.at_zero
-    if solution.method is Method.SINGLE_SEQUENTIAL:
-        return solution.method.estimator(problem) @ (data - zero)
-    if solution.method.linear:
-        return np.linalg.lstsq(slope, data - zero, rcond=None)[0]
-
-    def jacobian(offsets: Floats) -> Floats:
-        return problem.predict_with_jacobian(offsets)[1]
-
-    start, strict = np.zeros(3), dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
-    return least_squares(lambda x: problem.predict(x) - data, start, jacobian, **strict).x
+def test_other_data_or_another_machine_are_noticed() -> None:
+    for method in ("readings", "six-linear"):
+        solution = solve(DOUBLE_SESSION, NOMINAL, method)
+        shifted = solution.data + 0.001 * np.arange(len(solution.data))
+        assert not replace(solution, data=shifted).converged
+        assert not replace(solution, problem=replace(solution.problem, model=BENT)).converged
+    # Offsets that no machine can have are no optimum.
+    impossible = np.array([1e4, 0.0, 0.0])
+    assert not replace(solve(DOUBLE_SESSION, NOMINAL), offsets_mm=impossible).converged
 
 
 @pytest.mark.parametrize(
@@ -130,6 +133,19 @@ def test_steps_that_go_astray_are_damped() -> None:
     assert np.all((fit.residuals_mm**2).sum(axis=-1) <= (data**2).sum(axis=-1))
 
 
+def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    fit = fit_offsets(problem, EXPERIMENT_1)
+    assert problem.remaining(EXPERIMENT_1, fit.offsets_mm) < 1e-6
+    away = np.array([0.0, 1e-6, 0.0])
+    moved = problem.predict(fit.offsets_mm + away) - problem.predict(fit.offsets_mm)
+    sigmas = np.linalg.norm(moved) / NOMINAL.machine.gauge.noise_mm
+    remaining = problem.remaining(EXPERIMENT_1, fit.offsets_mm + away)
+    assert remaining == pytest.approx(sigmas, rel=0.01)
+    unit = problem.spread(np.linalg.pinv(problem.at_zero[1]))
+    assert remaining >= 1e-6 / (NOMINAL.machine.gauge.noise_mm * np.sqrt(unit[1, 1]))
+
+
 def test_each_set_begins_at_its_own_start(monkeypatch: pytest.MonkeyPatch) -> None:
     problem, rng = problem_of(SIX, NOMINAL), np.random.default_rng(8)
     data = rng.normal(0.0, 0.5, (2000, 6))
@@ -142,11 +158,13 @@ def test_each_set_begins_at_its_own_start(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_data_out_of_all_reach_never_look_converged() -> None:
-    """What is no optimum says so."""
+    """What converges is an optimum by its own recomputed check; the rest says that it is not."""
     problem = problem_of(SIX, NOMINAL)
     data = np.random.default_rng(2).normal(0.0, 100.0, (500, 6))
     fit = fit_offsets(problem, data)
     assert not np.all(fit.converged)
+    again = problem.remaining(data, fit.offsets_mm)
+    assert np.array_equal(again <= OPTIMAL, fit.converged)
     lost = data[np.flatnonzero(~fit.converged)[0]]
     with pytest.raises(UnusableResultError, match="No offsets fit these data") as caught:
         solve(of_values(SIX, lost), NOMINAL)

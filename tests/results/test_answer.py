@@ -175,6 +175,18 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     assert abs(plain.expected_mm - check.expected_mm) > 0.02
 
 
+def test_a_solution_that_did_not_converge_is_not_released() -> None:
+    """Its own check is computed again from the problem; no flag is believed."""
+    case = cases.healthy()
+    solution, diagnosis = solve(case.given.measured, case.given.model), diagnosis_of(case)
+    assert release(solution, diagnosis).usable
+    moved = replace(solution, offsets_mm=solution.offsets_mm + 0.01 * solution.budget.std_mm)
+    decision = release(moved, diagnosis)
+    assert not decision.usable
+    assert "did not converge" in sentences(decision.reasons)[0]
+    assert decision.remedies[0].verb == "validate"
+
+
 @pytest.mark.parametrize(("stated", "offset", "usable"), [
     (None, 4.9, True), (None, -5.1, False), (8.0, -5.1, True), (2.0, 2.1, False),
 ])  # fmt: skip
