@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Self
 
 import numpy as np
@@ -74,10 +75,15 @@ class Decision(Belief):
     refuted: Reason | None = None
 
     def scaled(self, factor: float) -> Self:
-        """The same data and patterns with the plausible sizes of all causes multiplied."""
+        """The same data and patterns with the plausible sizes of all causes multiplied.
+
+        Of several wrong readings the same.
+        """
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
+        wrong = max(self.hypotheses.values(), key=attrgetter("log_weight")).wrong_readings
+        anew = score_all(at, wrong if len(wrong) > 1 else ())
         return replace(
-            self, at=at, hypotheses=score_all(at), fits={}, _further={}, repeats=False, refuted=None
+            self, at=at, hypotheses=anew, fits={}, _further={}, repeats=False, refuted=None
         )
 
     def settled(self) -> Self:

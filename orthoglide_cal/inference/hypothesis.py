@@ -41,8 +41,9 @@ SHAPES, SHARE = 12, 0.01
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
 # each costs a pass over the readings.
 SHARE_WRONG, MOST_WRONG = 10, 40
-# They are looked for with so many of the likeliest sets; the same are then wrong with all others.
-SEARCHED = 3
+# They are looked for with so many of the likeliest sets, or with one where the readings are no longer
+# few; the same are then wrong with all others.
+SEARCHED, FEW = 3, 1000
 # A further reading is wrong as a second cause acts, independently of the first.
 LOG_FURTHER = math.log(TWO_CAUSES / ONE_CAUSE)
 
@@ -197,8 +198,8 @@ def _remedies(*causes: Cause) -> Ids:
     return tuple(sorted({cause.same_remedy_as or cause.id for cause in causes}))
 
 
-def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
-    """The score of every set of listed causes.
+def score_all(at: Linearised, wrong: Place = ()) -> dict[Ids, Hypothesis]:
+    """The score of every set of listed causes; `wrong` readings are several that are known to be.
 
     Where a reading lacks its counterpart, an exchange cannot be undone in the data. Then the same
     data are read under another plan instead, with a linear model of its own.
@@ -223,10 +224,12 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
                         score, at=at, log_evidence=log, extra=extra, replanned=under
                     )
     slips = [placed for placed in at.extras.values() if placed.cause.hides_reading]
-    return scores | {one.ids: one for placed in slips for one in _wrong(at, scores, placed)}
+    return scores | {one.ids: one for placed in slips for one in _wrong(at, scores, placed, wrong)}
 
 
-def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed) -> list[Hypothesis]:
+def _wrong(
+    at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed, known: Place
+) -> list[Hypothesis]:
     """Scores of the sets with wrong readings, each with as many as make it likeliest.
 
     Also beside two causes; nothing where one wrong reading makes no set likelier.
@@ -239,8 +242,9 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed) -> 
         both = density_of(at, pairs, at.usual)
         likelier += _at_best_place(at, pairs, placed, both, both.log_density(at.residuals[:1].T))
     likelier.sort(key=attrgetter("log_weight"), reverse=True)
-    best, rest = [_several_wrong(at, one) for one in likelier[:SEARCHED]], likelier[SEARCHED:]
-    if others := max(best, key=attrgetter("log_weight")).wrong_readings[:-1]:
+    searched = 0 if known else SEARCHED if len(at.white) <= FEW else 1
+    best, rest = [_several_wrong(at, one) for one in likelier[:searched]], likelier[searched:]
+    if others := (known or max(best, key=attrgetter("log_weight")).wrong_readings)[:-1]:
         more = ((score, _further(at, score, others)) for score in rest)
         rest = [max(pair, key=attrgetter("log_evidence")) for pair in more]
     return best + rest

@@ -202,13 +202,16 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
 
 
 def workspace_maps(
-    views: Sequence[tuple[str, Floats, float, Sequence[float]]], ends: tuple[float, float]
+    views: Sequence[tuple[str, Floats, float, Sequence[float]]],
+    ends: tuple[float, float],
+    limit_mm: float | None = None,
 ) -> Iterator[Html]:
     """Error of the tool position in slices, the highest first; then the one scale of their colours.
 
     Args:
         views: when, errors (slices, y, x), the largest of the whole cube, and where that is [mm].
         ends: of the cube, along each axis [mm].
+        limit_mm: drawn as a contour; None for none.
     """
     limits = class_limits(max(float(error.max()) for _, error, *_ in views))
     across = Scale(*ends, 0.0, _SIZE)
@@ -219,6 +222,7 @@ def workspace_maps(
         for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
             title = f"{when}, z = {number(round(level))} mm"
             body = [*_cells(_classes(error[k], limits)), *_axes(_LEFT, _ABOVE, _SIZE, ends)]
+            body += [] if limit_mm is None else _contour(error[k] > limit_mm)
             body.append(words(2.0, 14, title, class_="strong"))
             if abs(z_mm - level) < 1e-6:
                 x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - across(y_mm)
@@ -237,6 +241,17 @@ def _cells(number: Ints) -> Iterator[Html]:
             many = len(list(run))
             yield rectangle(_LEFT + first * size, y, many * size, size, "heat", f"h{colour}")
             first += many
+
+
+def _contour(beyond: Bools) -> Iterator[Html]:
+    """Edges between the squares that are beyond a limit and those that are not, (n, n)."""
+    size = _SIZE / len(beyond)
+    for turned, squares in enumerate((beyond, beyond.T)):
+        for row, k in np.argwhere(squares[:, 1:] != squares[:, :-1]).tolist():
+            edge = (k + 1, row), (k + 1, row + 1)
+            places = (place[::-1] if turned else place for place in edge)
+            start, stop = ((_LEFT + x * size, _ABOVE + _SIZE - y * size) for x, y in places)
+            yield line(start, stop, "due")
 
 
 def bed_map(

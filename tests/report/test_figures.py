@@ -148,12 +148,16 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     assert set(heat(after)) == {"h0"}
     assert "as found, z = −70 mm" in before
     assert "expected, z = −70 mm" in after
-    # What was measured afterwards takes the place of what was expected.
+    # What was measured afterwards takes the place of what was expected; the limit is a circle.
     later = view("as left", error / 2.0, 3.0)
-    _, measured, _ = figures.workspace_maps([found, later], ends)
+    _, measured, _ = figures.workspace_maps([found, later], ends, 0.35)
     assert "as left, z = −70 mm" in measured
     assert "at most 0.49 mm" in measured
     assert marks(measured) == []  # its worst point lies in no slice
+    edges = re.findall('<line x1="([0-9.]+)" y1="([0-9.]+)"[^>]*class="due"', measured)
+    away = [np.hypot(float(x) - 126.0, float(y) - 106.0) for x, y in edges]
+    # 0.7 mm of the cone, of whose half there is 70 mm on 84 pixels.
+    assert away == pytest.approx(len(away) * [84.0], abs=2.0)
 
 
 def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():

@@ -108,7 +108,7 @@ def calibration_document(
         for one, when in both:
             sections = *evidence(one), _conditions(one)
             pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
-        pages += [*_workspace(case, after), _origin(case, left)]
+        pages += [*_workspace(case, after, limit_mm), _origin(case, left)]
         for one, when in both:
             if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
                 pages.append(doc.Section(f"Appendix: readings{when}", figures.readings_table(one)))
@@ -200,7 +200,7 @@ def _other(case: Case) -> doc.Section:
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _workspace(case: Case, later: Case | None) -> Iterator[doc.Section]:
+def _workspace(case: Case, later: Case | None, limit_mm: float | None) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
     before, after = case.answer.workspace, later.answer.workspace if later else None
     if before is None or before.maps is None:
@@ -227,7 +227,8 @@ def _workspace(case: Case, later: Case | None) -> Iterator[doc.Section]:
         lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
     low, high = (plain(edge, 0) for edge in before.cube_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
-    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm)], key=key)
+    key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
+    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm, limit_mm)], key=key)
     yield doc.Section("Tool-position error over the workspace", " ".join(lead), maps)
 
 
