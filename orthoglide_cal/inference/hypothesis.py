@@ -41,8 +41,8 @@ SHAPES, SHARE = 12, 0.01
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
 # each costs a pass over the readings.
 SHARE_WRONG, MOST_WRONG = 10, 40
-# They are looked for with so many of the likeliest sets, or with one where the readings are no longer
-# few; the same are then wrong with all others.
+# They are looked for with so many of the likeliest sets, of more readings than few with one; the
+# same are then wrong with all others.
 SEARCHED, FEW = 3, 1000
 # A further reading is wrong as a second cause acts, independently of the first.
 LOG_FURTHER = math.log(TWO_CAUSES / ONE_CAUSE)
