@@ -106,3 +106,4 @@ def test_a_wrong_machine_does_not_reproduce_the_tables() -> None:
 def test_a_row_off_by_more_than_allowed_is_not_reproduced() -> None:
     assert ReproducedRow("", (1.0, None), (1.01, 99.0), 0.01).reproduced
     assert not ReproducedRow("", (5.0, None, 1.0), (5.002, 99.0, 1.011), 0.01).reproduced
+    assert ReproducedRow("", (1.0,), None, 0.01).reproduced is None

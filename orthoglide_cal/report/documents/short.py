@@ -164,10 +164,14 @@ def adjustment_document(answer: AdjustmentAnswer, given: Input) -> doc.Document:
 
 
 def paper_document(reproduction: "Reproduction") -> doc.Document:
-    """Two lines for each row, as printed and as computed, and the verdict."""
+    """Two lines for each row, as printed and as computed, and the verdict.
+
+    As data None stands where nothing was printed or nothing can be computed.
+    """
     rows = []
     for row in reproduction.rows:
-        both = (row.name, "published", row.published), ("", "computed", row.computed)
+        computed = row.computed or (None,) * len(row.published)
+        both = (row.name, "published", row.published), ("", "computed", computed)
         for name, origin, values in both:
             cells = ("—" if part is None else plain(part, reproduction.digits) for part in values)
             rows.append((name, origin, *cells))
