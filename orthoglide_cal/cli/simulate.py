@@ -120,7 +120,7 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
     id, _, sizes = text.partition("=")
     possible = [id for id, cause in CAUSES.items() if cause.usual(machine) is not None]
     if id not in possible:
-        fault = f"There is no cause {id!r} of kind {machine.kind}."
+        fault = f"A machine of kind {machine.kind} has no cause {id!r}."
         raise UsageError(fault, f"Choose one of {', '.join(possible)}.")
     cause = CAUSES[id]
     names = list(machine.named(cause.names).values())

@@ -40,7 +40,7 @@ from orthoglide_cal.model.linear_delta import touching
 from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
+from orthoglide_cal.model.orthoglide import PlannedReading, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
@@ -591,7 +591,7 @@ def readings_of(
     hours = np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0
     ordered, places = timed or first.seq is not None, [reading.place for reading in planned]
     setup = number_setups(places, gauge, in_time.tolist(), ordered=ordered)
-    plan = plan_of(planned, order=order, hours=hours, setup=setup)
+    plan = PlannedReading.planned(planned, order=order, hours=hours, setup=setup)
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else plan.cycles
     warm = [math.nan if row.temperature_c is None else row.temperature_c for row in rows]
     return Readings(

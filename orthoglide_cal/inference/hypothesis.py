@@ -41,7 +41,7 @@ SHAPES, SHARE = 12, 0.01
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
 # each costs a pass over the readings.
 SHARE_WRONG, MOST_WRONG = 10, 40
-# They are looked for with so many of the likeliest sets, of more readings than few with one; the
+# They are looked for with so many of the likeliest sets, beyond that many readings with one; the
 # same are then wrong with all others.
 SEARCHED, FEW = 3, 1000
 # A further reading is wrong as a second cause acts, independently of the first.

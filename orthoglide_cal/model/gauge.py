@@ -28,6 +28,7 @@ _INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
 _TOO_MUCH = 2.0  # times the stated noise: readings that scatter more are in no such unit
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
+_EQUAL_SHARE = 0.9  # of false doubts by equal repeats; the others by too little scatter
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
 # Dial indicators repeat within five divisions; the coarsest have tenths, the longest 100 mm.
@@ -167,11 +168,12 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
 
 
 def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> float:
-    """Smaller of two upper bounds of the chance that repeats of this gauge differ no more.
+    """Upper bound of the chance that repeats of this gauge differ no more.
 
     n readings of noise σ, rounded to q, are all equal with p ≤ (q/(σ√2π))ⁿ⁻¹/√n (Hölder), and only
     then is S < q²/2, the sum of squares about their mean. Rounding changes √S by at most √n·q/2,
-    and S/σ² before it is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2).
+    and S/σ² before it is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). The
+    smaller of the two counts, each divided by its share of false doubts.
 
     Args:
         squares: S of each cell, shape (c,) [mm²].
@@ -189,7 +191,8 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
     costs = np.sort(np.maximum(0.5 * np.log(size) - (size - 1) * narrow, 0.0))
     equal = np.count_nonzero(squares < 0.5 * step**2)
     some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
-    return math.exp(min(less, some, 0.0))
+    logs = less - math.log(1.0 - _EQUAL_SHARE), some - math.log(_EQUAL_SHARE)
+    return math.exp(min(*logs, 0.0))
 
 
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:

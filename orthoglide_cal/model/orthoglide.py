@@ -494,9 +494,6 @@ class PlannedReading(NamedTuple):
         return self.part, self.leg, self.direction, at, self.turned
 
 
-plan_of = PlannedReading.planned
-
-
 def planned_readings(plan: Plan) -> list[PlannedReading]:
     """The readings of a plan of gauges."""
     plan = GaugePlan.require(plan)
@@ -509,7 +506,7 @@ def planned_readings(plan: Plan) -> list[PlannedReading]:
 
 def _paced(readings: Sequence[PlannedReading]) -> GaugePlan:
     """The plan of readings at the usual pace, two gauges side by side."""
-    plan = plan_of(readings)
+    plan = PlannedReading.planned(readings)
     moved = np.diff((plan.leg, plan.displacement, plan.contact)).any(axis=0)
     pace = MINUTES_PER_POSTURE * moved + MINUTES_PER_SETUP * (np.diff(plan.leg) != 0)
     return replace(plan, hours=np.cumsum([0.0, *pace]) / 60.0)

@@ -19,7 +19,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.solution import fit_offsets, pose_plan, promise, rms, solve
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, differentiate, simulate
-from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
 from orthoglide_cal.schema import Schema
@@ -121,7 +121,8 @@ def table_1(model: Model) -> Reproduction:
         for end in ends
         for leg, direction, posture in cells
     ]
-    tool, joint = np.split(differentiate(model, np.zeros(3), plan_of(readings))[1], len(ends))
+    _, slopes = differentiate(model, np.zeros(3), PlannedReading.planned(readings))
+    tool, joint = np.split(slopes, len(ends))
     rows = []
     for (leg, direction, posture), by_axis in zip(cells, (tool - joint).tolist(), strict=True):
         # Spanned by the leg and the third axis.

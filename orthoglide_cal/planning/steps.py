@@ -18,7 +18,6 @@ from orthoglide_cal.model.orthoglide import (
     ROUNDING,
     PlannedReading,
     double_posture,
-    plan_of,
     planned_readings,
     single_posture,
     visiting,
@@ -209,7 +208,8 @@ def clock(steps: Sequence[SessionStep]) -> list[float]:
 def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[GaugePlan, float]:
     """Readings of steps, the first after `begin_min`, and when all are taken [min]."""
     *times, minutes = (begin_min + at for at in clock(steps))
-    return plan_of([step.cell for step in steps], hours=np.array(times) / 60.0), minutes
+    cells, hours = [step.cell for step in steps], np.array(times) / 60.0
+    return PlannedReading.planned(cells, hours=hours), minutes
 
 
 # --- the best design --------------------------------------------------------------------------

@@ -804,7 +804,7 @@ def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
     if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
         return sketch
     timed = CAUSES[cause.id].timed and np.isfinite(_column(rows, "minutes")).all()
-    over, noise_mm = "minutes" * bool(timed), case.machine.instrument.noise_mm
+    over, noise_mm = "minutes" if timed else "", case.machine.instrument.noise_mm
     panels = reading_panels(rows, left, noise_mm=noise_mm, over=over, shown=wrong, ringed=one)
     key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
     return doc.Figure(panels[:_MOST_GAUGES], 0, key)

@@ -149,7 +149,7 @@ class Residual(Schema):
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
     with_causes_mm: float | None = Field(None, description="with causes, or patterns, found")
-    pattern_mm: tuple[float, ...] = Field((), description="what each accepted pattern adds")
+    pattern_mm: tuple[float, ...] = Field((), description="by each accepted pattern, in order")
     pattern_expanded_mm: tuple[float, ...] = Field((), description="U of that")
     wrong: bool = Field(False, description="called wrong by itself: nothing else rests on it")
 
@@ -223,7 +223,9 @@ class Answer(Schema):
     patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()
-    beyond_tolerance: tuple[TimesStated, ...] = Field((), description="causes far too large")
+    beyond_tolerance: tuple[TimesStated, ...] = Field(
+        (), description="would explain all, but far beyond their plausible size"
+    )
     unshown: tuple[UnshownFault, ...] = Field((), description="possible besides the named causes")
     ruled_out: Ids = Field((), description="looked at by hand, and not there")
     not_excluded: Ids = Field((), description="may be there, too small to show")
@@ -234,7 +236,9 @@ class Answer(Schema):
     next_measurement: NextMeasurement | None = None
     check: CheckReading | None = None
     workspace: Workspace | None = None
-    sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = None
+    sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
+        None, description="with all plausible sizes changed"
+    )
     others: tuple["Answer", ...] = Field(
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )

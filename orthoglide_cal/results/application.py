@@ -205,7 +205,7 @@ def apply(
                 instead = "state these settings in the machine file that you name."
             fault = f"{controller.target}: {unlike} {since}"
             raise UsageError(fault, f"Restore it, or {instead}")
-        first = [Reason.of("first_written")] * (adds and not stood)
+        first = [Reason.of("first_written")] if adds and not stood else []
         nozzle = (remark for remark in given.measured.remarks if remark.code in NOZZLE)
         remarks = [*controller.remarks, *first, *nozzle]
         changes = {p.name: p.change(digits) for p in answer.parameters}

@@ -151,9 +151,10 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    at_chosen = solution if shown_alone else solution.at(chosen.offsets_mm)
-    explaining = () if shown_alone else diagnosis.causes if named else diagnosis.acting
-    left_mm = next((one.rms_after_mm for one in explaining), at_chosen.rms_after_mm)
+    if explaining := () if shown_alone else diagnosis.causes if named else diagnosis.acting:
+        left_mm = explaining[0].rms_after_mm
+    else:
+        left_mm = (solution if shown_alone else solution.at(chosen.offsets_mm)).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack, shown = diagnosis.lack_of_fit, details or not shown_alone
     workspace, std = None, budget.std_mm
@@ -465,7 +466,7 @@ def release(
     doubtful = not solution.dof or (
         diagnosis.verdict is Verdict.CONSISTENT and fit.code == "residuals_too_large"
     )
-    # As stated, not as widened by the diagnosis to cover what is left.
+    # As stated, not as widened by the diagnosis to cover what is left; "1.0 times" says nothing.
     if round(factor, 1) > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
         fit, doubtful = Reason.of("local_shape", factor=factor), True
     more = [fit] if doubtful and judged.usable else []

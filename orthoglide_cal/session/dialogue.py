@@ -33,7 +33,7 @@ from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.inference.result import NextMeasurement
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.next_measurement import rank_measurements
@@ -823,7 +823,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
         if session.protocol is MeasuringProtocol.SINGLE:
             session = session.changed(stands=1)
         steps = session.steps(model.machine)
-        plan = plan_of([step.cell for step in steps])
+        plan = PlannedReading.planned([step.cell for step in steps])
     else:
         first, options, model = _recommended(request.following, request)
     model = _holding(model, request.offsets_mm)

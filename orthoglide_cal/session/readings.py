@@ -40,7 +40,7 @@ from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model, differentiate, simulate
-from orthoglide_cal.model.orthoglide import double_posture, plan_of, planned_readings
+from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, planned_readings
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
@@ -155,7 +155,7 @@ class Setting:
     @cached_property
     def plan(self) -> GaugePlan:
         """The readings of all N steps."""
-        return plan_of([step.cell for step in self.steps])
+        return PlannedReading.planned([step.cell for step in self.steps])
 
 
 class ReadingsSoFar:
@@ -330,7 +330,7 @@ class ReadingsSoFar:
     def forecast(self) -> Mixture:
         """Forecast of these n readings, and of the last as its leg's other gauge would read it."""
         rows = [*range(len(self.steps)), *[-1] * (self.partner is not None)]
-        plan = plan_of([self.steps[i].cell for i in rows])
+        plan = PlannedReading.planned([self.steps[i].cell for i in rows])
         direction, setup = plan.direction.copy(), np.array(self.setup)[rows]
         if self.partner is not None:
             direction[-1], setup[-1] = 3 - plan.leg[-1] - direction[-1], self.partner
@@ -549,12 +549,12 @@ def _explanations(readings: ReadingsSoFar, prediction: Mixture) -> Iterator[tupl
     """Blunders that explain the last reading, with the chance of one at least as far off if so."""
     value, past = float(readings.value[-1]), readings.value[readings.past][:, None]
     away, turn = value - prediction.mean.item(), readings.setting.machine.instrument.turn_mm
-    right = [
-        *((Doubt.REVOLUTION, f"{_NUMBERS[turns]} revolution{'s' * (turns > 1)}?",
-           value - turns * math.copysign(turn, away)) for turns in (1, 2, 3) if turn),
-        (Doubt.SIGN, "opposite sign?", -value),
-        *((Doubt.POINT, "decimal point misplaced?", value * factor) for factor in (10.0, 0.1)),
-    ]  # fmt: skip
+    right = []  # doubt, its words, and what the reading would be then
+    for turns in (1, 2, 3) if turn else ():
+        words = f"{_NUMBERS[turns]} revolution{'s' * (turns > 1)}?"
+        right.append((Doubt.REVOLUTION, words, value - turns * math.copysign(turn, away)))
+    right.append((Doubt.SIGN, "opposite sign?", -value))
+    right += [(Doubt.POINT, "decimal point misplaced?", value * by) for by in (10.0, 0.1)]
     if readings.partner is not None:
         right.append((Doubt.EXCHANGED, "are the two gauges exchanged?", value))
     for doubt, words, undone in right:

@@ -6,7 +6,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.solution import zero_free
 from orthoglide_cal.model.model import Cause, Model, Place, simulate
-from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
@@ -145,7 +145,9 @@ def test_labels_lead_a_technician_to_the_reading() -> None:
 
 
 def test_labels_count_in_time_and_name_any_displacement() -> None:
-    plan = plan_of([PlannedReading(1, 0, d, Contact.FIXED) for d in (30.0, 0.0, 30.0, 0.0)])
+    plan = PlannedReading.planned(
+        [PlannedReading(1, 0, d, Contact.FIXED) for d in (30.0, 0.0, 30.0, 0.0)]
+    )
     late_first = GaugePlan(**{**vars(plan), "order": [3, 2, 1, 0]})
     assert late_first.cycles.tolist() == [2, 2, 1, 1]
     assert [PROTOTYPE.reading_words(late_first, k) for k in range(4)] == [

@@ -74,10 +74,7 @@ def test_healthy_sessions_are_never_doubted(
 @both_gauges
 @pytest.mark.parametrize("size", [2, 4])
 def test_the_chance_is_an_upper_bound(gauge: truth.Gauge, size: int) -> None:
-    """Of 10,000 draws of six cells, at the worst and at any place between two divisions.
-
-    Of two bounds it is the smaller one, so that twice as many may be below it.
-    """
+    """Of 10,000 draws of six cells, at the worst and at any place between two divisions."""
     own, rng = model_of(truth.PROTOTYPE, gauge).machine.gauge, np.random.default_rng(size)
     for place in (0.0, None):
         where = rng.uniform(-0.5, 0.5, (10_000, 6, 1)) if place is None else place
@@ -87,7 +84,7 @@ def test_the_chance_is_an_upper_bound(gauge: truth.Gauge, size: int) -> None:
         chance = [chance_of_less_scatter(one, np.full(6, size), own) for one in squares]
         for share in (0.01, 0.03, 0.1, 0.3):
             true = float(np.mean(np.array(chance) <= share))
-            assert true * (1.0 - 4.0 / np.sqrt(10_000 * true + 1.0)) < 2.0 * share
+            assert true * (1.0 - 4.0 / np.sqrt(10_000 * true + 1.0)) < share
 
 
 def test_a_fine_gauge_that_scatters_half_as_much_is_doubted() -> None:

@@ -10,7 +10,6 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
 from orthoglide_cal.model.orthoglide import (
     PlannedReading,
     double_posture,
-    plan_of,
     reduction,
     single_posture,
 )
@@ -48,7 +47,7 @@ def test_stands_stay_where_they_were_used_last() -> None:
 def test_readings_alike_share_their_cell_and_their_moment() -> None:
     """A cell is where and how is read; a moment where the carriages stand; iso is one for all."""
     ends = [(0, 1, 0.0), (0, 1, 60.0), (0, 2, 60.0), (1, 2, 0.0), (1, 2, 60.0), (1, 2, 60.0)]
-    plan = plan_of([PlannedReading(*end, Contact.FIXED) for end in [*ends, ends[1]]])
+    plan = PlannedReading.planned([PlannedReading(*end, Contact.FIXED) for end in [*ends, ends[1]]])
     contact, gauge_at = [Contact.FIXED] * 7, [0.5] * 6 + [0.3]
     contact[5] = Contact.TOOL
     plan = replace(plan, gauge_at=gauge_at, contact=contact)
@@ -119,7 +118,7 @@ def test_a_place_and_a_label_make_a_setup(places, gauges, ordered, setups):
 
 
 def test_readings_that_differ_in_their_part_are_no_repeats() -> None:
-    plan = plan_of(
+    plan = PlannedReading.planned(
         [
             PlannedReading(
                 0, 1, d, Contact.FIXED, part=part, turned=part == 1, entered=(step, 0.0, 0.0)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.steps import (
     MINUTES_PER_TURN,
@@ -57,7 +57,7 @@ def test_orders_hold_the_same_readings(
         repeats = [s.cycle for s in steps if s.cell == cell]
         assert repeats == sorted(repeats)
     # What a journal holds of a plan gives the same steps again.
-    plan = plan_of([s.cell for s in steps])
+    plan = PlannedReading.planned([s.cell for s in steps])
     assert plan.in_time.tolist() == list(range(len(steps)))
     assert steps_of(plan, PROTOTYPE, order, stands) == steps
     # Every drive has its block, in the order of the steps.
@@ -79,7 +79,7 @@ def test_fewest_moves_moves_the_gauge_less() -> None:
 def of_readings(
     *readings: PlannedReading, order: Order = Order.PAPER, stands: int = 2
 ) -> tuple[SessionStep, ...]:
-    return steps_of(plan_of(readings), PROTOTYPE, order, stands)
+    return steps_of(PlannedReading.planned(readings), PROTOTYPE, order, stands)
 
 
 def both(leg: int, displacement: float, **other: object) -> list[PlannedReading]:

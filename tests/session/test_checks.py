@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.events import Answered, Doubt, Event, Taken, advance
 from orthoglide_cal.session.readings import (
@@ -244,7 +244,7 @@ def healthy_values(
 ) -> np.ndarray:
     """Readings of healthy sessions at the gauge's stated repeatability, (sessions, steps)."""
     rng = np.random.default_rng(seed)
-    plan = plan_of([s.cell for s in steps])
+    plan = PlannedReading.planned([s.cell for s in steps])
     offsets = rng.normal(0.0, 1.0, (sessions, 3))
     zeros = rng.uniform(-2.5, 2.5, (sessions, 3, 3))
     exact = simulate(Model(machine), offsets, plan) + zeros[:, plan.leg, plan.direction]

@@ -10,7 +10,7 @@ from scipy import stats
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.session.readings import (
     OFFSET_MM,
@@ -38,7 +38,7 @@ def timed_plan(count: int = 60) -> GaugePlan:
     """The first steps of a session at an uneven pace."""
     steps = steps_of()[:count]
     hours = np.array([0.3 * k + 5.0 * s.setup for k, s in enumerate(steps)]) / 60.0
-    return replace(plan_of([s.cell for s in steps]), hours=hours)
+    return replace(PlannedReading.planned([s.cell for s in steps]), hours=hours)
 
 
 def an_example() -> tuple[Mixture, np.ndarray]:

@@ -245,7 +245,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
         pair = " and ".join(machine.rivals)
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
-    caption = " ".join(meaning * (cycles or not brief))
+    caption = " ".join(meaning) if cycles or not brief else ""
     return doc.Grid.of(columns, () if cycles else (0,), caption)
 
 
