@@ -135,7 +135,7 @@ class Decision(Belief):
             return False
         if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
             return True
-        patterns = (*self.patterned.values(), *self.beside(accepted))
+        patterns = (*self.patterned.values(), *self.beside(self.hypotheses[accepted]))
         likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
         bearable = OPEN_ANSWER * self.something / self.listed[accepted]
         return likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
