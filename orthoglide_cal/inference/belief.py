@@ -137,17 +137,12 @@ class Belief:
         return sum(self.unlisted.values())
 
     @cached_property
-    def answers(self) -> Mapping[Hashable, tuple[Ids, ...]]:
-        """Sets of causes by what they ask of a technician, the most probable first in each."""
-        by_remedy: dict[Hashable, tuple[Ids, ...]] = {}
-        for ids in filter(None, self.listed):
-            remedy = self.hypotheses[ids].remedy
-            by_remedy[remedy] = (*by_remedy.get(remedy, ()), ids)
-        return by_remedy
-
-    def answer_of(self, ids: Ids) -> tuple[Ids, ...]:
-        """The answer that a set belongs to."""
-        return self.answers[self.hypotheses[ids].remedy] if ids else (ids,)
+    def answers(self) -> Mapping[Ids, tuple[Ids, ...]]:
+        """Sets that ask the same of a technician as a set does, the most probable first."""
+        by_remedy: dict[Hashable, list[Ids]] = {}
+        for ids in self.listed:
+            by_remedy.setdefault(ids and self.hypotheses[ids].remedy, []).append(ids)
+        return {ids: tuple(alike) for alike in by_remedy.values() for ids in alike}
 
     def share(self, sets: Iterable[Ids]) -> float:
         """Probability of some sets of causes together."""

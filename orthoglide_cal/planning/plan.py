@@ -323,9 +323,7 @@ def _margins(
             unit = share = np.ones(added.shape[1])
         truths.append((added, unit, share / share.sum()))
     changes, units = (np.concatenate([t[k] for t in truths], axis=-1) for k in (0, 1))
-    left = leaves @ changes
-    steady = steadiness(units)
-    changed = readings + changes.T
+    left, steady, changed = leaves @ changes, steadiness(units), readings + changes.T
 
     def undone(cause: Cause, place: Place) -> Floats:
         """Cost of each change if this exchange is behind it, shape (r,)."""
