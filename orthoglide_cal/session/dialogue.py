@@ -1,7 +1,4 @@
-"""A guided session: how it begins or goes on, its loop, its words, and where its file is.
-
-The loop shows a step, waits for an answer, checks it and puts it on the disk.
-"""
+"""A guided session: how it begins or goes on, its loop, its words, and where its file is."""
 
 import os
 import re
@@ -114,15 +111,12 @@ _KEYS = {
 
 
 class Quit(Exception):
-    """The operator leaves a session before its end: saved, to be resumed later."""
+    """The operator leaves a session before its end, to be resumed later."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """The operator's wishes on the command line; None where it says nothing.
-
-    What stands in `events.Opened` too must not change while a session lasts.
-    """
+    """The operator's wishes on the command line; None where it says nothing."""
 
     path: Path | None = None  # of the session file
     resume: bool = False  # go on with an unfinished session
@@ -180,7 +174,7 @@ class Dialogue:
     def greet(self) -> None:
         """Say what lies ahead, or what was there already."""
         opened, steps, first = self.state.opened, self.setting.steps, self.setting.first
-        cycles = counted(opened.cycles, "cycle")
+        cycles, moves = counted(opened.cycles, "cycle"), counted(gauge_moves(steps), "gauge move")
         head = f"{opened.protocol} session, {cycles}, order: {opened.order}"
         if opened.protocol is MeasuringProtocol.BEST:
             head += f"\nFewest readings for the offsets. What is given up: {GIVES_UP}."
@@ -189,18 +183,13 @@ class Dialogue:
             head = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             head += " both are solved together at the end."
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
-        set_ups = counted(len({step.setup for step in steps}), "set-up")
-        moves = counted(gauge_moves(steps), "gauge move")
-        following = self.setting.following
+        set_ups, following = counted(steps[-1].setup, "set-up"), self.setting.following
         long = duration(following.minutes if following else clock(steps)[-1]).lower()
         counts = f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help."
         self.asker.say(f"{head}\nFile     {visible(str(self.path))}\n{counts}")
         if lost := self.journal.lost:
-            self.asker.say(
-                f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"
-                " was shown as saved is missing.",
-                Style.BAD,
-            )
+            cut = f"The interruption cut off the last entry ({lost} bytes): ignored."
+            self.asker.say(f"{cut} No reading that was shown as saved is missing.", Style.BAD)
         if self.state.count > 1 + bool(self.state.planned):
             resumed = f"Resumed: {counted(len(self.state.accepted), 'reading')} so far."
             self.asker.say(resumed, Style.GOOD)
@@ -251,12 +240,12 @@ class Dialogue:
 
         Raises UsageError if another file has the name, InputError if it cannot be written.
         """
-        stored = self.path.read_bytes() if self.path.is_file() else None
+        state, stored = self.state, self.path.read_bytes() if self.path.is_file() else None
         if stored != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
             records = self.journal.events
             ends = [at for at, event in enumerate(records, 1) if isinstance(event, events.Ended)]
-            before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
+            before = (ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends)
             mine = stored in [session_text(session).encode() for session in before]
             try:
                 write_text(self.path, text, overwrite=mine)
@@ -264,13 +253,12 @@ class Dialogue:
                 again = command("measure", str(self.path), options="--resume")
                 error.remedy += f" The readings are safe in the journal; then: {again}"
                 raise
-        state = self.state
         counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
-        lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
+        text = f"\nSession {reason}: {counts}. Written to {visible(str(self.path))}"
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
-            lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
-        self.asker.show("\n".join(lines), Style.GOOD)
+            text += f"\nBefore the next session, turn the bar of leg {AXES[leg].upper()} back."
+        self.asker.show(text, Style.GOOD)
 
     def reveal(self) -> None:
         """Say, after a simulated session, which offsets were hidden."""
@@ -288,59 +276,52 @@ class Dialogue:
         """
         setting, columns = self.setting, self.asker.keyboard.columns
         here = [step for step in setting.steps if step.setup == setup]
-        planned, following = here[0].cell, setting.following
-        leg, contact = AXES[planned.leg].upper(), planned.contact
-        directions = sorted({step.direction for step in here})
-        names = [AXES[direction].upper() for direction in directions]
-        s = "s" if len(directions) > 1 else ""
-        last = max(step.setup for step in setting.steps)
-        heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
+        cell, following = here[0].cell, setting.following
+        leg, names = AXES[cell.leg].upper(), sorted({AXES[s.direction].upper() for s in here})
+        s = "s" * (len(names) > 1)
+        heading = f"-- Set-up {setup} of {setting.steps[-1].setup}: leg {leg}, gauge{s}"
+        heading += f" {' and '.join(names)} "
         right = f" steps {here[0].number}-{here[-1].number}"
         rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
-        if contact is not Contact.FIXED:
-            words = [
-                "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
-                f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
-                "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
-            ]
-        elif following and following.continues and not begun and setup == 1:
-            path = visible(following.data.path)
-            words = [
-                "Do not touch the stands: they must be where they were for the last reading",
-                f"of {path}. If one was touched since: q, and measure anew.",
-            ]
-        elif begun:
-            words = [
-                "The stands are in place: do not touch them. If one was moved anyway,",
-                "just continue: the next reading will be questioned; then answer m.",
-            ]
-        else:
-            words = []
-            rows = setting.first.rows if setting.first else []
-            bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
-            if planned.turned:
-                sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
-                words = [
-                    f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
-                    f"   turn it half round its own axis (what faced {sides} then faces away),"
-                    " tighten.",
-                ]
-            elif bars and bars[-1]:
-                words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
-            half = "half-way: " if planned.gauge_at == 0.5 else ""
-            place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
-            moved = [step.cell.displacement for step in here]
-            # A gauge on the + side reads more when the leg is pushed towards +.
-            places = ", ".join(f"{name} on the +{name} side" for name in names)
-            words += [
-                "1. Drive to the isotropic posture: each leg lies along its own axis.",
-                f"   Put the stand{s} on the base, not on a moving part.",
-                f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
-                f"3. Gauge {places}: leg pushed to + must read more.",
-                f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
-                " Then touch no stand.",
-            ]
-        return rule, "\n".join(words)
+        if cell.contact is not Contact.FIXED:
+            return rule, (
+                "1. Gauge on the XY surface, plunger down on the leg: higher reads more.\n"
+                f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.\n"
+                "3. Joint end: at the carriage joint. Tool end: at the tool centre point."
+            )
+        if begun:
+            return rule, (
+                "The stands are in place: do not touch them. If one was moved anyway,\n"
+                "just continue: the next reading will be questioned; then answer m."
+            )
+        if following and following.continues and setup == 1:
+            return rule, (
+                "Do not touch the stands: they must be where they were for the last reading\n"
+                f"of {visible(following.data.path)}. If one was touched since: q, and measure anew."
+            )
+        rows, turn = setting.first.rows if setting.first else [], ""
+        if cell.turned:
+            sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(cell.leg))
+            turn = (
+                f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,\n"
+                f"   turn it half round its own axis (what faced {sides} then faces away),"
+                " tighten.\n"
+            )
+        elif any([row.bar for row in rows if row.leg == AXES[cell.leg]][-1:]):
+            turn = f"0. Turn the bar of leg {leg} back, as it was at first.\n"
+        half = "half-way: " if cell.gauge_at == 0.5 else ""
+        place = f"{half}{cell.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
+        moved = [step.cell.displacement for step in here]
+        # A gauge on the + side reads more when the leg is pushed towards +.
+        places = ", ".join(f"{name} on the +{name} side" for name in names)
+        return rule, (
+            f"{turn}1. Drive to the isotropic posture: each leg lies along its own axis.\n"
+            f"   Put the stand{s} on the base, not on a moving part.\n"
+            f"2. Plunger{s} on leg {leg}, {place}, square to the leg.\n"
+            f"3. Gauge {places}: leg pushed to + must read more.\n"
+            f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
+            " Then touch no stand."
+        )
 
     def _step_line(self, step: SessionStep) -> str:
         """Place of step n of N, and the time that is left."""
@@ -432,14 +413,11 @@ class Dialogue:
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
-        may_move = pending.doubt.compares
-        value = value_text(pending.value_mm, self.request.unit)
-        asked = f"Step {step.number}, {value}:\n  {pending.question}"
-        here = step.cell, step.zero
+        may_move, value = pending.doubt.compares, value_text(pending.value_mm, self.request.unit)
+        asked, here = f"Step {step.number}, {value}:\n  {pending.question}", (step.cell, step.zero)
         alike = [s.number for s in self.so_far.steps if (s.cell, s.zero) == here]
-        if len(alike) == 1 and pending.doubt.compares:  # either of the two may be the wrong one
-            (number,) = alike
-            asked += f"\n  Or was step {number} wrong? r {number} reads both again."
+        if len(alike) == 1 and may_move:  # either of the two may be the wrong one
+            asked += f"\n  Or was step {alike[0]} wrong? r {alike[0]} reads both again."
         self.asker.say(asked, Style.QUESTION)
         keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
         moved = "m the stand moved, " if may_move else ""
@@ -453,8 +431,8 @@ class Dialogue:
                 self.asker.say(OUT_OF_RANGE, Style.BAD)
                 return
             if pending.doubt is Doubt.PLACE:
-                why = _clean(why) or self._words("Why is it kept? (Return: it is not) > ")
-                if not why:
+                asked = "Why is it kept? (Return: it is not) > "
+                if not (why := _clean(why) or self._words(asked)):
                     return
                 self.write(events.Noted(at=self.now(), step=step.number, text=why))
             self._keep(pending)
@@ -522,15 +500,12 @@ class Dialogue:
 
     def _undo(self) -> None:
         """Take back the reading that is questioned, else the last that counts, retake or skip."""
-        if self.state.pending:
-            self.write(events.Answered(at=self.now(), keep=False))
-        else:
-            self.write(events.Undone(at=self.now()))
+        at, pending = self.now(), self.state.pending
+        self.write(events.Answered(at=at, keep=False) if pending else events.Undone(at=at))
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        stood = self._stood(step)
-        taken = self._taken(step, token, stood.words)
+        taken = self._taken(step, token, (stood := self._stood(step)).words)
         value = taken.value_mm
         readings = ReadingsSoFar(advance(self.state, taken), self.setting)
         question = check(readings, token.unit or self.request.unit)
@@ -557,21 +532,15 @@ class Dialogue:
 
     def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
         """The record of a reading that arrives now."""
-        at, value = self.now(), token.mm(self.request.unit)
-        if value is None:
-            raise ValueError("an error message is not a reading")
+        at = self.now()
         gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
         # A clock that was set back must not turn the order of the readings around.
         earlier = [item.take.minutes for item in self.state.accepted.values()]
         return events.Taken(
-            at=at,
-            step=step.number,
-            minutes=max([0.0, gone.total_seconds() / 60.0, *earlier]),
-            value_mm=value,
-            raw=token.raw[:80],
-            source=token.source,
+            at=at, step=step.number, minutes=max([0.0, gone.total_seconds() / 60.0, *earlier]),
+            value_mm=token.mm(self.request.unit), raw=token.raw[:80], source=token.source,
             remark=remark,
-        )
+        )  # fmt: skip
 
     def _keep(self, reading: Questioned, moved: bool = False) -> None:
         self.write(events.Answered(at=self.now(), keep=True, moved=moved))
@@ -608,16 +577,13 @@ class Dialogue:
         until, known = self.request.until_mm, self.so_far.expanded_mm
         if until is None or self.state.dropped or known is None or (known > until).any():
             return
-        if not (dropped := self.so_far.unneeded()):
-            return
-        reason = f"ended early, every offset is known within {until:g} mm"
-        drop = tuple(step.number for step in dropped)
-        self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
-        self.asker.say(
-            f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {len(dropped)}"
-            f" readings, {duration(clock(dropped)[-1]).lower()}.",
-            Style.GOOD,
-        )
+        if dropped := self.so_far.unneeded():
+            reason = f"ended early, every offset is known within {until:g} mm"
+            drop = tuple(step.number for step in dropped)
+            self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
+            left_out = f"{len(dropped)} readings, {duration(clock(dropped)[-1]).lower()}"
+            text = f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {left_out}."
+            self.asker.say(text, Style.GOOD)
 
     # ---- keys
 

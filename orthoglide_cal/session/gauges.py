@@ -50,9 +50,11 @@ class Token(NamedTuple):
     source: str = "typed"  # the gauge's name for the records
     elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
 
-    def mm(self, default: Unit) -> float | None:
+    def mm(self, default: Unit) -> float:
         """The value in mm; `default` is its unit where the gauge gave none."""
-        if self.value is None or (self.unit or default) is Unit.MM:
+        if self.value is None:
+            raise ValueError("an error message is not a reading")
+        if (self.unit or default) is Unit.MM:
             return self.value
         # A gauge never shows more than a nanometre: drop the dust of the multiplication.
         return round(self.value * MM_PER_INCH, 6)
