@@ -719,7 +719,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     """Begin a session, or go on with one; what is `opened` is closed with it.
 
     Raises UsageError: what is asked for does not go together, or with what is there; InputError,
-    GaugeLost: a file or the gauge cannot be used; EOFError, KeyboardInterrupt: nobody answers.
+    GaugeLost: a file or the gauge cannot be used; EOFError: nobody answers.
     """
     _check_options(request)
     path = session_file(request.path, Path(), request.resume)
@@ -774,7 +774,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     """The first records, once the operator has agreed to the machine and its active offsets.
 
     And to the measurement that is recommended, if one is to be carried out. Nobody is asked who
-    has agreed already, or has no terminal. What the command line leaves open is standard.
+    has agreed already, or has no terminal.
     """
     first, following, change = None, None, ""
     session = GuidedSession().changed(**request.session)
@@ -824,11 +824,9 @@ def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
 
     `also`: to measure what is recommended. Raises UsageError: it is another machine; EOFError.
     """
-    question = (
-        "Is it this machine, with these offsets in its controller"
-        f"{', and shall this be measured now' * also}? Return: yes.  n: no."
-        "  Other offsets: type the three, in mm."
-    )
+    question = "Is it this machine, with these offsets in its controller"
+    question += f"{', and shall this be measured now' * also}? Return: yes.  n: no."
+    question += "  Other offsets: type the three, in mm."
     asker.say(question, Style.QUESTION)
     while True:
         answer = asker.ask("Return, n, or the three offsets > ")
@@ -887,11 +885,9 @@ def planned_next(
     option = options[number - 1]
     plan = GaugePlan.require(option.plan)
     if moved and option.continues:
-        raise UsageError(
-            "The offsets in the controller were changed since the last reading: that"
-            " measurement needs the machine and the stands as they were.",
-            "Leave out --choice for one with the stands set up again.",
-        )
+        fault = "The offsets in the controller were changed since the last reading: that"
+        fault += " measurement needs the machine and the stands as they were."
+        raise UsageError(fault, "Leave out --choice for one with the stands set up again.")
     if option.continues and request.session.get("stands") == 1 and len(set(plan.series)) > 1:
         fault = "That measurement needs the two gauges where they are."
         raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
@@ -902,12 +898,9 @@ def planned_next(
     plan = replace(plan, entered=(plan.entered + change).round(9))
     if not moved:
         return plan, following, ""
-    changed = (
-        f"Since {visible(first.path)} was measured, the offsets in the controller were changed"
-        f" by {by_axis(change, '+.4g')} mm: the new readings are written with that"
-        " difference."
-    )
-    return plan, following, changed
+    path, by = visible(first.path), by_axis(change, "+.4g")
+    changed = f"Since {path} was measured, the offsets in the controller were changed by {by} mm:"
+    return plan, following, f"{changed} the new readings are written with that difference."
 
 
 def _recommended(
@@ -921,18 +914,14 @@ def _recommended(
     given = read_input(data, request.model, request.otherwise)
     given.model.machine.check_guided()
     if names := machine_file.differing(given.recorded or given.model, given.model):
-        raise UsageError(
-            f"{path} was measured on another machine than that of --machine: they differ in"
-            f" {', '.join(names)}.",
-            "Leave out --machine to use the machine of the session.",
-        )
+        fault = f"{path} was measured on another machine than that of --machine: they differ in"
+        remedy = "Leave out --machine to use the machine of the session."
+        raise UsageError(f"{fault} {', '.join(names)}.", remedy)
     first = PriorReadings(data, given)
     if not first.plan.fixed:
-        raise UsageError(
-            f"{path} was measured with the single-posture protocol. Further readings need fixed"
-            " gauges; readings of both kinds cannot be joined.",
-            "Measure a separate session: orthocal measure",
-        )
+        fault = f"{path} was measured with the single-posture protocol. Further readings need fixed"
+        fault += " gauges; readings of both kinds cannot be joined."
+        raise UsageError(fault, "Measure a separate session: orthocal measure")
     options = rank_measurements(diagnose(first.readings, first.model))
     if choice is not None and choice > len(options):
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
@@ -949,10 +938,8 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
         return model
     most = min(model.machine.travel_mm, LARGEST_OFFSET_MM)
     if len(offsets_mm) != 3 or not all(abs(value) < most for value in offsets_mm):
-        raise UsageError(
-            "These are not three joint offsets.",
-            f"Give X, Y and Z in mm, none beyond the travel of {most:g} mm: 0.412 -0.3 0",
-        )
+        remedy = f"Give X, Y and Z in mm, none beyond the travel of {most:g} mm: 0.412 -0.3 0"
+        raise UsageError("These are not three joint offsets.", remedy)
     return model.holding(offsets_mm)
 
 
@@ -968,10 +955,8 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
             raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
         return source, None
     if first and (hidden is None or request.seed not in (None, hidden)):
-        raise UsageError(
-            f"{first.path} was not measured on this simulated machine.",
-            f"Leave out --gauge and --seed{': it is measured again' if drawn else ''}.",
-        )
+        remedy = f"Leave out --gauge and --seed{': it is measured again' if drawn else ''}."
+        raise UsageError(f"{first.path} was not measured on this simulated machine.", remedy)
     seeds = (hidden, request.seed, secrets.randbelow(1_000_000))
     return source, next(seed for seed in seeds if seed is not None)
 
@@ -987,11 +972,9 @@ def _setting_in(journal: Journal) -> Setting:
         steps = steps_of(cells[0].planned(cells), model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
-        raise InputError(
-            "The journal has a step that this session does not have, or another reading for it.",
-            "Restore the file from a copy; or move it away and begin again.",
-            file=path,
-        )
+        fault = "The journal has a step that this session does not have, or another reading for it"
+        remedy = "Restore the file from a copy; or move it away and begin again."
+        raise InputError(f"{fault}.", remedy, file=path)
     return Setting(model, steps, planned.following if planned else None)
 
 
@@ -1036,26 +1019,22 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
 
 
 def session_path(given: Path) -> Path:
-    """The session file that is meant by a name, which may have no suffix.
-
-    Raises UsageError where it cannot be the name of a file.
-    """
+    """The session file of this name, which may have no suffix. Raises UsageError: it has none."""
     if given.name in ("", ".."):
         fault = "A session must be a file; this is not one."
         raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
-    if given.suffix in (".yaml", ".yml"):
-        return given
-    return given.with_name(f"{given.name}.yaml")
+    named = given.suffix in (".yaml", ".yml")
+    return given if named else given.with_name(f"{given.name}.yaml")
 
 
 def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     """The file of the session to begin or to go on with.
 
     Without a name it is, in the folder, the first free one of `session.yaml`, `session-2.yaml` …,
-    or that of the only unfinished session. Raises UsageError: it exists, or there is an unfinished
-    session, unless it is a practice; or, to go on, there is none, or there are several.
+    or that of the only unfinished session. Raises UsageError: it exists, or a session that is no
+    practice is unfinished; to go on, there is none, or there are several.
     """
     if given is None:
         waiting = unfinished(folder)
@@ -1067,18 +1046,15 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             fault = several if waiting else "There is no unfinished session in this folder."
             raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
         if not all(map(is_practice, waiting)):  # a practice is no part of the loop
-            raise UsageError(
-                f"There is an unfinished session here: {names}.",
-                "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
-            )
+            fault = f"There is an unfinished session here: {names}."
+            remedy = "Continue with --resume, or name a file for a new one:"
+            raise UsageError(fault, f"{remedy} orthocal measure NAME.yaml")
         return free_path(folder, "session", ".yaml", JOURNAL)
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
-        raise UsageError(
-            f"{path} exists; a session is never overwritten.",
-            "Name another file, or continue an unfinished session with --resume.",
-        )
+        remedy = "Name another file, or continue an unfinished session with --resume."
+        raise UsageError(f"{path} exists; a session is never overwritten.", remedy)
     if not resume and journal.exists():
         fault = f"{journal} holds a session that is not finished."
         raise UsageError(fault, f"Continue it: {command('measure', str(path), options='--resume')}")
