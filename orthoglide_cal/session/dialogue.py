@@ -54,7 +54,6 @@ from orthoglide_cal.session.gauges import (
     SerialGauge,
     SimulatedGauge,
     Standing,
-    Stood,
     Token,
     by_axis,
     parse_typed,
@@ -195,8 +194,8 @@ class Dialogue:
             self.asker.say(resumed, Style.GOOD)
             self._say_offsets()
 
-    def run(self) -> State:
-        """Lead through what is left, to the state at the end.
+    def run(self) -> None:
+        """Lead through what is left.
 
         Raises Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
         InputError: the journal cannot be written any more.
@@ -211,7 +210,6 @@ class Dialogue:
                 whole = "ended" if self.state.skipped else "complete"
                 reason = next(iter(self.state.dropped.values()), whole)
                 self.write(events.Ended(at=self.now(), reason=reason))
-        return self.state
 
     def offer_again(self) -> None:
         """Ask whether what was left out is read after all, and what was kept in doubt read again.
@@ -270,10 +268,7 @@ class Dialogue:
     # ---- the words that lead through it, in plain characters
 
     def _set_up(self, setup: int, begun: bool) -> tuple[str, str]:
-        """Heading of a gauge set-up, and its instructions.
-
-        Once it is `begun`, readings were taken in it: the stands must stay where they are.
-        """
+        """Heading and instructions of a gauge set-up; once it is `begun` its stands must stay."""
         setting, columns = self.setting, self.asker.keyboard.columns
         here = [step for step in setting.steps if step.setup == setup]
         cell, following = here[0].cell, setting.following
@@ -357,10 +352,7 @@ class Dialogue:
     # ---- what is asked
 
     def _ask_for(self, step: SessionStep) -> None:
-        """Show where to drive, as far as it is new or has moved up the screen, and take a reading.
-
-        A new set-up is shown whole; of another visit of the machine its place.
-        """
+        """Show where to drive, if it is new or has moved up the screen, and take a reading."""
         asker, place, new = self.asker, self._place(step), step.visit != self._shown
         if new:
             gap = "\n"
@@ -383,10 +375,10 @@ class Dialogue:
         prompt = f"{place}\n{gauge}{asker.hint} > "
         self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
 
-    def _stood(self, step: SessionStep) -> Stood:
-        """Place of the machine, if it is followed; says once that it is not any more."""
+    def _stood(self, step: SessionStep) -> tuple[float, str]:
+        """As `Standing.at`; nowhere if it is not followed, which is said once if it was."""
         if self.standing is None:
-            return Stood()
+            return 0.0, ""
         try:
             return self.standing.at(*self.setting.point(step), self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
@@ -394,12 +386,12 @@ class Dialogue:
             self.standing = None
             lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
             self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
-            return Stood()
+            return 0.0, ""
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
         waiting, keyboard = False, self.asker.keyboard
-        while self._stood(step).away_mm > NEAR_MM:
+        while self._stood(step)[0] > NEAR_MM:
             if not waiting:
                 self.asker.say("   waiting until the machine stands there (Return: continue)")
             waiting = True
@@ -444,10 +436,7 @@ class Dialogue:
             self._receive(answer, step)
 
     def _agrees(self, prompt: str) -> bool:
-        """True if a question is answered with yes, False with no or Return; else it is asked again.
-
-        Raises Quit.
-        """
+        """True for yes, False for no or Return; else it is asked again. Raises Quit."""
         while (answer := self._words(prompt).lower()) not in ("y", "yes"):
             if answer in ("", "n", "no"):
                 return False
@@ -505,12 +494,13 @@ class Dialogue:
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        taken = self._taken(step, token, (stood := self._stood(step)).words)
+        away_mm, remark = self._stood(step)
+        taken = self._taken(step, token, remark)
         value = taken.value_mm
         readings = ReadingsSoFar(advance(self.state, taken), self.setting)
         question = check(readings, token.unit or self.request.unit)
-        if stood.away_mm > NEAR_MM:
-            far = f"The machine stands {stood.away_mm:.2f} mm from this posture: drive there first?"
+        if away_mm > NEAR_MM:
+            far = f"The machine stands {away_mm:.2f} mm from this posture: drive there first?"
             question = Question(Doubt.PLACE, far)
         if question is None:
             self.write(taken)
@@ -1019,7 +1009,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
 
 
 def session_path(given: Path) -> Path:
-    """The session file of this name, which may have no suffix. Raises UsageError: it has none."""
+    """The session file of a name, perhaps without suffix. Raises UsageError: no name of a file."""
     if given.name in ("", ".."):
         fault = "A session must be a file; this is not one."
         raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
