@@ -91,7 +91,7 @@ class Decision(Belief):
         order, at, weight = list(self.listed), self.at, self.log_weight
         decision = self.refined([()])
         # With a local shape that is found to be larger or smaller, the noise is found, too.
-        noise_found = at.local
+        noise_found = at.white.texture is not None
         if decision.surely_sound and not noise_found:
             # Linear scores know no bounds: what cannot be negative may fit better than it scores.
             positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
@@ -240,8 +240,8 @@ class Decision(Belief):
             if self.repeats and (self.shape,) in self.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
-            too_large = self.at.local and self.chance(self.fit_of(())) < SUSPICIOUS
-            return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
+            assumed = self.white.texture is None or self.chance(self.fit_of(())) >= SUSPICIOUS
+            return Verdict.CONSISTENT if assumed else Verdict.UNEXPLAINED
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
@@ -318,7 +318,7 @@ class Decision(Belief):
         # A fit with priors takes up as many degrees of freedom as the trace of its hat matrix.
         taken = float(np.trace(fit.covariance @ fit.columns.T @ fit.columns)) / fit.sigma**2
         square, dof = float(fit.residual @ fit.residual), len(at.white) - taken
-        if at.local:
+        if at.white.texture is not None:
             return chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
         by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
         return float(np.exp(at.noise.log_weight) @ by_noise)
