@@ -244,14 +244,16 @@ class Fit(ReadOnly):
 
     def whitened(self, values: Floats) -> Floats:
         """Values (k,) or (k, q) in units of all that is uncertain, at the stated noise."""
-        return shrink(self._textured(values), *self._axes)
+        return shrink(self.textured(values), *self.axes)
 
     @cached_property
-    def _axes(self) -> tuple[Floats, Floats]:
-        axes, factors = shrinking(self._textured(self.scaled))
+    def axes(self) -> tuple[Floats, Floats]:
+        """Its unknowns among values that are independent but for them: see `shrinking`."""
+        axes, factors = shrinking(self.textured(self.scaled))
         return read_only(axes), read_only(factors)
 
-    def _textured(self, values: Floats) -> Floats:
+    def textured(self, values: Floats) -> Floats:
+        """Values (k,) or (k, q) in units of noise and of a local shape, at the stated noise."""
         sigma, texture = self.noise.stated, self.white.texture
         if texture is None:
             return np.asarray(values / sigma)

@@ -8,7 +8,7 @@ import re
 import secrets
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -59,6 +59,7 @@ from orthoglide_cal.session.gauges import (
     Standing,
     Stood,
     Token,
+    by_axis,
     parse_typed,
 )
 from orthoglide_cal.session.readings import (
@@ -738,12 +739,6 @@ def _are(readings: int) -> str:
 def _clean(text: str) -> str:
     """Words as they may be stored and shown."""
     return visible(text)[:200].strip()
-
-
-def by_axis(values: Iterable[float], form: str, gap: str = "  ") -> str:
-    """ "X 1.5  Y 0  Z -2": one number for each axis, never parted from it."""
-    parts = (f"{axis.upper()} {value:{form}}" for axis, value in zip(AXES, values, strict=True))
-    return gap.join(parts)
 
 
 def duration(minutes: float) -> str:
