@@ -79,9 +79,9 @@ class Reason(Schema):
 Sentence = Annotated[Reason, WithJsonSchema({"type": "string"})]
 
 
-def ask(title: str, why: str, unit: str = "mm") -> FieldInfo:
-    """Texts for people who are asked for a field: its name, its meaning, its unit."""
-    field: FieldInfo = Field(title=title, description=why, json_schema_extra={"unit": unit})
+def ask(title: str, why: str, unit: str = ", mm") -> FieldInfo:
+    """A field for which people are asked: its name, its meaning, its unit."""
+    field: FieldInfo = Field(title=f"{title}{unit} ({why})")
     return field
 
 
