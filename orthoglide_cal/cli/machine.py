@@ -69,7 +69,7 @@ def new(
     from orthoglide_cal.model.kinds import MACHINES
 
     # Each option with the keys that it gives, on machines of this or that kind.
-    given: dict[str, tuple[Any, *tuple[str, ...]]] = {
+    given: dict[str, tuple[object, *tuple[str, ...]]] = {
         "--name": (name, "name"),
         "--leg-length": (leg_length, "leg_length_mm", "arm_length_mm"),
         "--width": (width, "parallelogram_width_mm"),
@@ -175,7 +175,7 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
 
     An implausible value is taken when it is given again.
     """
-    usual: Any = answers[key] if key in answers else _usual(key, answers)
+    usual = answers[key] if key in answers else _usual(key, answers)
     several, doubted = isinstance(usual, list), None
     texts = [usual] if key == "name" else [f"{n:.12g}" for n in (usual if several else [usual])]
     while True:
@@ -183,7 +183,7 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
         if typed.strip() == _BACK:
             return False
         try:
-            value: Any = typed
+            value: object = typed
             if key != "name":
                 parts = typed.replace("mm", " ").split()
                 numbers = [parse_number(part, decimal_comma=True) for part in parts]
@@ -228,12 +228,12 @@ def _usual(key: str, answers: Answers) -> Any:
     from orthoglide_cal.files.machine_file import machine_values, read_machine_file, shipped_machine
 
     known = machine_values(read_machine_file(shipped_machine(answers["kind"])).model)
-    value: Any = {**known, "name": "my machine"}
+    value: Answers = {**known, "name": "my machine"}
     for part in key.split("."):
         value = value[part]
     if key in ("arm_length_mm", "endstops_mm"):  # one for all
         value = next(iter(value.values() if isinstance(value, dict) else value))
     if "leg_length_mm" in answers and key in ("joint_limits_mm", "workspace_mm"):
         share = answers["leg_length_mm"] / known["leg_length_mm"]
-        value = [round(n * share) for n in value] if key != "workspace_mm" else round(value * share)
+        return [round(n * share) for n in value] if key != "workspace_mm" else round(value * share)
     return value
