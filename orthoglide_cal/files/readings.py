@@ -516,7 +516,7 @@ def readings_in(
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
     for index, cells in enumerate(rows.cells):
         if cells and cells.keys().isdisjoint(("reading_mm", ReadingRow.inches)):
-            rows.note(index, "reading_mm", _MISSING, _READING)
+            rows.note(index, "reading_mm", "The reading is missing.", _READING)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
     _check_order(rows)
