@@ -91,23 +91,23 @@ class Candidates:
         Not those that the model knows already or rules out; `ordered` if the time order of the
         readings is known, `spots` the number of places of a bed that were touched.
         """
+        machine = model.machine
         # What a controller corrects may be more by now.
-        known = {effect.cause.id for effect in model.accepted} - model.machine.corrected.keys()
+        known = {effect.cause.id for effect in model.accepted} - machine.corrected.keys()
         usable = [
             cause
             for cause in (cause.within(spots) for cause in CAUSES.values())
-            if cause is not None
-            if cause.possible(model.machine) and (ordered or not cause.timed)
+            if cause is not None and cause.possible(machine)
             if cause.id not in known and cause.id not in model.ruled_out
-            # What such readings hold of themselves.
-            if not (cause.timed and cause.id in model.machine.unobservable)
+            # Readings without known times show none of it, others hold some of themselves.
+            if not cause.timed or (ordered and cause.id not in machine.unobservable)
         ]
         placed = (cause for cause in usable if cause.placed)
         extras = tuple(sorted(placed, key=attrgetter("exchanges")))
         broad = tuple(cause for cause in usable if not cause.placed)
         of_machine = [cause for cause in broad if cause.in_machine]
         contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
-        beside = [cause for cause in broad if cause.id in model.machine.companions]
+        beside = [cause for cause in broad if cause.id in machine.companions]
         alone = [cause for cause in of_machine if cause not in beside]
         pairs = (*product(of_machine, contact), *product(alone, beside))
         both = [*pairs, *product(broad, extras)]
@@ -117,11 +117,8 @@ class Candidates:
             total = sum(weight.values())
             log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
         # A slip happens whatever else is wrong.
-        for slip in (cause for cause in extras if cause.hides_reading):
-            log_prior |= {
-                ids_of(*pair, slip): log_prior[ids_of(*pair)] + log_prior[slip.id,]
-                for pair in pairs
-            }
+        for slip, pair in product((cause for cause in extras if cause.hides_reading), pairs):
+            log_prior[ids_of(*pair, slip)] = log_prior[ids_of(*pair)] + log_prior[slip.id,]
         log_prior[()] = math.log(1.0 - UNLISTED - sum(map(math.exp, log_prior.values())))
         return cls(broad, pairs, extras, log_prior)
 
@@ -217,8 +214,7 @@ class Whitened(ReadOnly):
         """A whitened residual (k,) in each reading, or difference, shape (m,) [mm]."""
         if self.root is not None:
             return np.asarray(self.root @ residual)
-        plain = self.matrix.T @ residual
-        return np.asarray(plain if self.texture is None else plain / self.plan.precision**2)
+        return np.asarray(self.matrix.T @ residual / self.plan.precision**2)
 
     @property
     def weight(self) -> Floats:
@@ -271,9 +267,8 @@ def _relabelling(plan: Plan, changes: tuple[tuple[Cause, Place], ...]) -> tuple[
 def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
     """The plan of what was really read, where an exchange cannot be expressed in the data."""
     for effect in effects:
-        cause, place = effect.cause, effect.place
-        if not cause.reversible(plan, place):
-            plan = cause.really_read(plan, place)
+        if not effect.cause.reversible(plan, effect.place):
+            plan = effect.cause.really_read(plan, effect.place)
     return plan
 
 
@@ -335,9 +330,8 @@ def places_of(problem: Problem, cause: Cause) -> Placed:
     }
     tried = tuple(place for place in places if cause.reversible(plan, place))
     others = tuple(place for place in places if not cause.reversible(plan, place))
-    patterns = None
-    if places and (shown := cause.patterns(plan, places)) is not None:
-        patterns = Places(matrix, shown)
+    shown = cause.patterns(plan, places) if places else None
+    patterns = None if shown is None else Places(matrix, shown)
     return Placed(cause, tried, 0, weights, others, patterns)
 
 
@@ -353,14 +347,14 @@ class Linearised(ReadOnly):
     candidates: Candidates
     noise: NoiseGrid
     extras: Mapping[str, Placed]  # by id, where each may act
-    versions: Floats  # the data as recorded and with each relabelling undone, shape (v, k) [mm]
-    offsets: Floats  # fitted to each version, shape (v, 3) [mm]
-    residuals: Floats  # what is left then, shape (v, k) [mm]
     jacobian: Floats  # derivative of the data by the offsets at the fit to version 0, shape (k, 3)
     # Id of a broad cause → derivative by its parameters there, where it is absent, shape (k, p).
     jacobians: Mapping[str, Floats]
     # What is uncertain of the data in addition to noise and causes, as recorded.
     uncertain: tuple[Influence, ...]
+    versions: Floats  # the data as recorded and with each relabelling undone, shape (v, k) [mm]
+    offsets: Floats  # fitted to each version, shape (v, 3) [mm]
+    residuals: Floats  # what is left then, shape (v, k) [mm]
 
     @classmethod
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
@@ -403,23 +397,8 @@ class Linearised(ReadOnly):
                 if np.linalg.norm(shown) > noise.stated:
                     # It has a name of its own for what shows: what offsets imitate is carried.
                     uncertain[number] = replace(influence, columns=influence.columns - shown)
-        return cls(
-            white=white,
-            candidates=candidates,
-            noise=noise,
-            extras=extras,
-            versions=versions[fit.converged],
-            offsets=fit.offsets_mm[fit.converged],
-            residuals=fit.residuals_mm[fit.converged],
-            jacobian=jacobian,
-            jacobians=by_cause,
-            uncertain=tuple(uncertain),
-        )
-
-    @property
-    def local(self) -> bool:
-        """True if a local shape is uncertain."""
-        return any(influence.local for influence in self.uncertain)
+        data = (one[fit.converged] for one in (versions, fit.offsets_mm, fit.residuals_mm))
+        return cls(white, candidates, noise, extras, jacobian, by_cause, tuple(uncertain), *data)
 
     @property
     def scales(self) -> Mapping[float, float]:

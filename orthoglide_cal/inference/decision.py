@@ -1,8 +1,7 @@
 """Decision: what to say of a machine, by least expected loss.
 
 A technician is told that nothing is wrong, a name, several answers that are left open, or that no
-listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
-is in `losses`. No probability is compared with a number of its own.
+listed cause explains the data, each weighed by what it costs if it is wrong: see `losses`.
 """
 
 import math
@@ -75,10 +74,7 @@ class Decision(Belief):
     refuted: Reason | None = None
 
     def scaled(self, factor: float) -> Self:
-        """The same data and patterns with the plausible sizes of all causes multiplied.
-
-        Of several wrong readings the same.
-        """
+        """The same data, patterns and several wrong readings; all plausible sizes multiplied."""
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
         wrong = max(self.hypotheses.values(), key=attrgetter("log_weight")).wrong_readings
         anew = score_all(at, wrong if len(wrong) > 1 else ())
@@ -91,7 +87,7 @@ class Decision(Belief):
         order, at, weight = list(self.listed), self.at, self.log_weight
         decision = self.refined([()])
         # With a local shape that is found to be larger or smaller, the noise is found, too.
-        noise_found = at.local
+        noise_found = at.white.texture is not None
         if decision.surely_sound and not noise_found:
             # Linear scores know no bounds: what cannot be negative may fit better than it scores.
             positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
@@ -129,13 +125,11 @@ class Decision(Belief):
         accepted cause, may make it a wrong name.
         """
         accepted = self.accepted
-        if self.verdict is Verdict.UNEXPLAINED:
-            return True
         if not accepted:
-            return False
+            return self.verdict is Verdict.UNEXPLAINED
         if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
             return True
-        patterns = (*self.patterned.values(), *self.beside(accepted))
+        patterns = (*self.patterned.values(), *self.beside(self.hypotheses[accepted]))
         likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
         bearable = OPEN_ANSWER * self.something / self.listed[accepted]
         return likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
@@ -148,7 +142,8 @@ class Decision(Belief):
         miss it costs more than to look for it in vain.
         """
         listed = self.listed
-        answer = max(self.answers.values(), key=self.share, default=((),))
+        answers = (answer for ids, answer in self.answers.items() if ids)
+        answer = max(answers, key=self.share, default=((),))
         # Of sets that are nearly as probable one of the record: whatever spoiled a reading, it is
         # wrong, and to look for a knock in vain costs more.
         least = listed[answer[0]] * MISSED_FAULT / NEEDLESS_HOLD
@@ -173,7 +168,7 @@ class Decision(Belief):
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
-        listed, answer = self.listed, self.answer_of(ids)
+        listed, answer = self.listed, self.answers[ids]
         least = DISMISSED * listed[ids]
         return tuple(other for other in answer if other != ids and listed[other] >= least)
 
@@ -217,7 +212,7 @@ class Decision(Belief):
 
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Return whether to look for what a set adds to a part of it costs more than to miss it."""
-        both, alone = (self.share(self.answer_of(one)) for one in (ids, part))
+        both, alone = (self.share(self.answers[one]) for one in (ids, part))
         return both * MISSED_FAULT < self.white.machine.needless_hold * alone
 
     @property
@@ -240,8 +235,8 @@ class Decision(Belief):
             if self.repeats and (self.shape,) in self.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
-            too_large = self.at.local and self.chance(self.fit_of(())) < SUSPICIOUS
-            return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
+            assumed = self.white.texture is None or self.chance(self.fit_of(())) >= SUSPICIOUS
+            return Verdict.CONSISTENT if assumed else Verdict.UNEXPLAINED
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
@@ -318,7 +313,7 @@ class Decision(Belief):
         # A fit with priors takes up as many degrees of freedom as the trace of its hat matrix.
         taken = float(np.trace(fit.covariance @ fit.columns.T @ fit.columns)) / fit.sigma**2
         square, dof = float(fit.residual @ fit.residual), len(at.white) - taken
-        if at.local:
+        if at.white.texture is not None:
             return chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
         by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
         return float(np.exp(at.noise.log_weight) @ by_noise)

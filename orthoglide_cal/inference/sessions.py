@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from itertools import combinations, permutations, product
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,6 @@ import numpy as np
 from orthoglide_cal.estimation.gaussian import (
     condition,
     log_mean,
-    log_sum,
     probabilities,
     root_of,
     whiten,
@@ -65,7 +63,8 @@ PLAUSIBLE = dict.fromkeys(Behaviour, 0.1) | {Behaviour.AS_MODELLED: 0.5}
 SIGNS_KEPT, SIGNS_CHANGED = 0.5 / 5.0, 0.5 / 41.0
 
 
-class Response(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Response:
     """One hypothesis: what each axis did."""
 
     behaviour: Behaviour
@@ -112,23 +111,21 @@ def decide_response(
         applied: what was entered, shape (3,) [mm], not all zero.
         noise_mm: standard deviation of one reading, as stated.
     """
-    noise, weighed = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE))), []
-    weights: dict[Behaviour, list[float]] = {}
+    noise, log_weight = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE))), dict[Response, float]()
     for one in responses(applied):
         columns = jacobian @ np.hstack((np.diag(STANDS * one.moved), one.free))
         sizes = np.repeat(GAINS[:, None], columns.shape[1], axis=1)
         sizes[:, : len(one.moved)] = 1.0
         log = log_mean(Gaussian(columns, sizes, noise).by_noise(change - jacobian @ one.moved))
-        log += math.log(one.share * PLAUSIBLE[one.behaviour])
-        weighed.append((log, one))
-        weights.setdefault(one.behaviour, []).append(log)
-    belief = probabilities({key: float(log_sum(np.array(logs))) for key, logs in weights.items()})
+        log_weight[one] = log + math.log(one.share * PLAUSIBLE[one.behaviour])
+    shares = probabilities(log_weight)
+    belief = {key: sum(p for one, p in shares.items() if one.behaviour is key) for key in Behaviour}
+    likeliest = {one.behaviour: one for one in reversed(shares)}
     stated, _ = state(belief, Behaviour.AS_MODELLED, MISSED_FAULT, NEEDLESS_HOLD)
     either = Behaviour.AS_MODELLED, Behaviour.NO_RESPONSE
     if stated in either and not is_dismissed(min(belief[key] for key in either), FALSE_RELEASE):
-        return Behaviour.UNDETERMINED, weighed[0][1]
-    same = (pair for pair in weighed if pair[1].behaviour is stated)
-    return stated, max(same, key=itemgetter(0))[1]
+        return Behaviour.UNDETERMINED, likeliest[Behaviour.AS_MODELLED]
+    return stated, likeliest[stated]
 
 
 # --- sessions of several dates ----------------------------------------------------------------
@@ -248,7 +245,7 @@ class TrendFit:
         sizes = (np.full(len(part.subset), part.size) for part in parts)
         self._prior = np.concatenate([np.full(len(scatter), FREE), common, *sizes])
         both = (data.values - centre)[..., None], columns
-        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit))
+        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit)[None])
         self._values, self._columns = values.reshape(-1), white.reshape(-1, len(self._prior))
         density = Gaussian(self._columns, self._prior[None], UNIT).by_noise(self._values)
         self.log_evidence = float(density[0, 0] - 0.5 * np.linalg.slogdet(self.spread)[1].sum())
@@ -363,8 +360,6 @@ def decide_trends(data: DatedValues) -> tuple[Trend, float, Trends, Trends, Tren
         rivals = tuple(trend for trend in (verdict, *rivals) if trend is not Trend.CHANGED)
         verdict = Trend.CHANGED
     _, *others = best = next(trends for trends in belief if trends[0] is verdict)
-    absent = {
-        trend: sum(p for trends, p in belief.items() if trend not in trends) for trend in others
-    }
-    also = tuple(trend for trend in others if is_dismissed(absent[trend], WRONG_STORY))
+    absent = (sum(p for trends, p in belief.items() if one not in trends) for one in others)
+    also = tuple(one for one, p in zip(others, absent, strict=True) if is_dismissed(p, WRONG_STORY))
     return verdict, min(share[verdict], 1.0), rivals, also, weighed[best][1]

@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import pairwise
+from operator import attrgetter
 
 import numpy as np
 
@@ -23,7 +25,7 @@ from orthoglide_cal.model.orthoglide import (
     visiting,
 )
 from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.readings import AXES, GaugePlan, Posture, Series
+from orthoglide_cal.model.readings import AXES, GaugePlan, Posture
 from orthoglide_cal.schema import Schema
 
 # Pace assumed for what else is done between readings [min].
@@ -78,10 +80,6 @@ class SessionStep:
         return self.cell.direction
 
     @property
-    def series(self) -> Series:
-        return self.cell.series
-
-    @property
     def zero(self) -> tuple[int, int]:
         """Readings that agree in it share the gauge's zero."""
         return self.setup, self.stand
@@ -117,14 +115,13 @@ class GuidedSession(Schema):
 
     def steps(self, machine: Machine) -> tuple[SessionStep, ...]:
         """All steps; the joint limits of the machine are the Max and Min postures."""
-        match self.protocol:
-            case MeasuringProtocol.DOUBLE:
-                plan = double_posture(machine, self.cycles)
-            case MeasuringProtocol.SINGLE:
-                plan = single_posture(machine, self.cycles, closing=True)
-            case MeasuringProtocol.BEST:
-                displacements, gauge_at = design_of(machine)
-                plan = visiting(displacements * self.cycles, gauge_at)
+        if self.protocol is MeasuringProtocol.SINGLE:
+            plan = single_posture(machine, self.cycles, closing=True)
+        elif self.protocol is MeasuringProtocol.BEST:
+            displacements, gauge_at = design_of(machine)
+            plan = visiting(displacements * self.cycles, gauge_at)
+        else:
+            plan = double_posture(machine, self.cycles)
         return steps_of(plan, machine, self.order, self.stands)
 
     @property
@@ -177,26 +174,21 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
 
 def gauge_moves(steps: Sequence[SessionStep]) -> int:
     """How often a stand has to be put to another place, the first time not counted."""
-    places: dict[int, object] = {}
-    moves = 0
-    for step in steps:
-        here = (step.zero, step.cell.contact)
-        moves += places.get(step.stand, here) != here
-        places[step.stand] = here
-    return moves
+    by_stand = sorted(steps, key=attrgetter("stand"))
+    places = [(step.stand, step.zero, step.cell.contact) for step in by_stand]
+    return sum(one[0] == other[0] and one != other for one, other in pairwise(places))
 
 
 def clock(steps: Sequence[SessionStep]) -> list[float]:
     """When each of n steps is read, the first one set up, and when all are, (n + 1,) [min]."""
     turned: set[tuple[int, int]] = set()
     times, now = [], 0.0
-    for before, step in zip((None, *steps), steps, strict=False):
-        if before is not None:
-            now += MINUTES_PER_POSTURE * (before.visit != step.visit)
-            if before.setup != step.setup:
-                now += MINUTES_PER_SETUP
-            elif before.cell.contact is not step.cell.contact:
-                now += MINUTES_PER_SLIDE
+    for before, step in zip((*steps[:1], *steps), steps, strict=False):
+        now += MINUTES_PER_POSTURE * (before.visit != step.visit)
+        if before.setup != step.setup:
+            now += MINUTES_PER_SETUP
+        elif before.cell.contact is not step.cell.contact:
+            now += MINUTES_PER_SLIDE
         bar = (step.cell.part, step.leg)
         if step.cell.turned and bar not in turned:
             turned.add(bar)
@@ -215,8 +207,7 @@ def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[Ga
 # --- the best design --------------------------------------------------------------------------
 
 
-# A plan asks for it once for each number of cycles.
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=8)  # a plan asks for it once for each number of cycles
 def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 

@@ -1,7 +1,7 @@
 """A live adjustment: loosen, push until the gauge reads what it should, tighten, check.
 
 Each parameter has five steps in the journal, one for each phase; what is pushed is read again and
-again. Where one stands follows from what was read, whatever interrupted it.
+again. Progress follows from what was read, whatever interrupted it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -172,7 +172,7 @@ class AdjustingDialogue(Dialogue):
         begun = f" Resumed: {len(self.state.accepted)} readings." if self.state.accepted else ""
         self.asker.say(f"To be adjusted: {names}.{begun} ? is help.", Style.TITLE)
 
-    def run(self) -> State:
+    def run(self) -> None:
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
             for setup, one in enumerate(self.adjusted, start=1):
@@ -188,7 +188,6 @@ class AdjustingDialogue(Dialogue):
                     break
             else:
                 self.write(events.Ended(at=self.now(), reason="complete"))
-        return self.state
 
     def _doubted(self, one: Adjusted) -> bool:
         """True if the operator takes the readings of a check that failed again."""
@@ -235,9 +234,8 @@ class AdjustingDialogue(Dialogue):
                 text = BEGUN if begun else text
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
-                f"{text}\n{plan.name} is {with_uncertainty(plan.value, plan.expanded)}"
-                f" {plan.unit}: each {plan.unit} moves this reading by"
-                f" {plan.sensitivity:+.3f} mm."
+                f"{text}\n{plan.name} is {with_uncertainty(plan.value, plan.expanded)} {plan.unit}:"
+                f" each {plan.unit} moves this reading by {plan.sensitivity:+.3f} mm."
             )
             self._safe = False
         if phase is Phase.HERE:
@@ -308,8 +306,8 @@ def open_adjustments(
 ) -> AdjustingDialogue:
     """Begin the adjustments of a cause that an input names, or go on with them.
 
-    What is `opened` is closed with them. Raises UsageError: they are begun already, or not yet;
-    InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
+    Raises UsageError: they are begun already, or not yet; InputError: a file cannot be used;
+    GaugeLost: the gauge cannot be reached.
     """
     if VIRTUAL in source:
         problem = "A simulated gauge does not see what you push."
@@ -317,24 +315,23 @@ def open_adjustments(
     session = Path(given.measured.source.path)
     target = session.with_suffix(f".{cause}{ADJUSTMENT}")
     if target.exists() and not resume:
-        raise UsageError(
-            f"{session} was adjusted already, or this was begun: {target.name} exists.",
-            "Measure again before you adjust again, or continue with --resume.",
-        )
+        problem = f"{session} was adjusted already, or this was begun: {target.name} exists."
+        remedy = "Measure again before you adjust again, or continue with --resume."
+        raise UsageError(problem, remedy)
     asker.gauge = serial_gauge(source, opened)  # a missing one leaves no file behind
     following = events.Following(data=read_document(str(session)), what=cause)
-    cells, at, machine = _cells(adjustments), time_of_day(), machine_text(given.model)
-    begun = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
-    planned = events.Planned(at=at, readings=cells, following=following)
+    cells = _cells(adjustments)
     if not resume:
-        Journal.create(target, begun, planned)
+        at, machine, source = time_of_day(), machine_text(given.model), source or (TYPED,)
+        begun = events.Opened(at=at, version=2, machine=machine, source=source)
+        Journal.create(target, begun, events.Planned(at=at, readings=cells, following=following))
     journal = Journal.resume(target, opened)
     _check_same(journal.state, following, adjustments, target)
     asker.gauge = asker.gauge or serial_gauge(journal.state.source, opened)
-    places = enumerate(product(range(1, len(adjustments) + 1), PHASES))
+    places = product(range(1, len(adjustments) + 1), PHASES)
     steps = tuple(
-        SessionStep(number + 1, cells[number], phase, 1, 0, setup, 10 * setup)
-        for number, (setup, phase) in places
+        SessionStep(number, cell, phase, 1, 0, setup, 10 * setup)
+        for number, (cell, (setup, phase)) in enumerate(zip(cells, places, strict=True), start=1)
     )
     setting = Setting(given.model, steps, following)
     dialogue = AdjustingDialogue(session, journal, setting, asker, adjustments=adjustments)
@@ -343,7 +340,7 @@ def open_adjustments(
 
 
 def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
-    """Cells that are read, in order: all phases of each adjustment."""
+    """Cells that are read, in all phases of each adjustment."""
     return tuple(c for one in adjustments for c in (*[one.here] * (len(PHASES) - 1), one.there))
 
 
@@ -372,14 +369,13 @@ def check_not_adjusted(given: Input) -> None:
     path = given.measured.source.path
     for journal, state, following in _begun(given.measured.source):
         problem = f"It was adjusted since then ({journal.name}): these readings are out of date."
-        remedy = "Measure again, and apply the new session."
-        if state.ended is None:
-            problem = f"An adjustment was begun ({journal.name}): something may be loose."
-            options = f"--cause {following.what} --resume"
-            finish = command("adjust", path, machine=given.machine_file, options=options)
-            remedy = "Delete that file, if nothing was loosened. Or finish it, then measure again:"
-            remedy += f" {finish}"
-        raise UnusableResultError(problem, remedy)
+        if state.ended:
+            raise UnusableResultError(problem, "Measure again, and apply the new session.")
+        problem = f"An adjustment was begun ({journal.name}): something may be loose."
+        options = f"--cause {following.what} --resume"
+        finish = command("adjust", path, machine=given.machine_file, options=options)
+        remedy = "Delete that file, if nothing was loosened. Or finish it, then measure again:"
+        raise UnusableResultError(problem, f"{remedy} {finish}")
 
 
 def adjusted_since(given: Input) -> Removed:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from itertools import pairwise
 from queue import Empty, SimpleQueue
 from typing import NamedTuple, Protocol, TextIO
@@ -49,25 +50,17 @@ class Line(NamedTuple):
 
 
 class Keyboard:
-    """Standard input, opened when it is first needed. In a terminal the line can be corrected.
-
-    What is typed is shown on `output`, where the prompts are.
-    """
+    """Standard input; in a terminal what is typed is shown on `output`, and can be corrected."""
 
     def __init__(self, output: TextIO) -> None:
         self._output = output
-        self._terminal: Terminal | None = None
-        self._pipe: SimpleQueue[str] | None = None
         self._lines: deque[Line | None] = deque()  # None: the end of input
-        self._typed = ""
-        self._begun = 0.0
-        self._after_return = False
+        self._typed, self._begun, self._after_return = "", 0.0, False
 
     def close(self) -> None:
         """Leave the terminal as it was."""
-        if self._terminal is not None:
-            self._terminal.close()
-            self._terminal = None
+        if opened := self.__dict__.pop("_terminal", None):
+            opened.close()
 
     @property
     def live(self) -> bool:
@@ -89,7 +82,7 @@ class Keyboard:
 
     def disturbed(self) -> bool:
         """True once after the program was stopped and continued."""
-        return self.live and self._screen().disturbed()
+        return self.live and self._terminal.disturbed()
 
     def read(self, timeout_s: float | None) -> Line | None:
         """A line; None after the time-out. Raises EOFError at the end.
@@ -100,7 +93,7 @@ class Keyboard:
         while not self._lines:
             left = max(until - time.monotonic(), 0.0)
             if self.live:
-                self._edit(self._screen().read(left), shown=timeout_s != 0.0)
+                self._edit(self._terminal.read(left), shown=timeout_s != 0.0)
             else:
                 self._append(left)
             if left == 0.0 and not self._lines:
@@ -112,10 +105,15 @@ class Keyboard:
             raise EOFError
         return line
 
-    def _screen(self) -> Terminal:
-        if self._terminal is None:
-            self._terminal = terminal(sys.stdin.fileno())
-        return self._terminal
+    @cached_property
+    def _terminal(self) -> Terminal:
+        return terminal(sys.stdin.fileno())
+
+    @cached_property
+    def _pipe(self) -> SimpleQueue[str]:
+        pipe, descriptor = SimpleQueue[str](), sys.stdin.fileno() if sys.stdin else 0
+        threading.Thread(target=_listen, args=(descriptor, pipe), daemon=True).start()
+        return pipe
 
     def _edit(self, keys: str, shown: bool) -> None:
         """Let keys change the line; those typed for a prompt are `shown`."""
@@ -147,10 +145,6 @@ class Keyboard:
 
     def _append(self, timeout_s: float) -> None:
         """Wait for more from a pipe."""
-        if self._pipe is None:
-            self._pipe = SimpleQueue()
-            source = (sys.stdin.fileno() if sys.stdin else 0, self._pipe)
-            threading.Thread(target=_listen, args=source, daemon=True).start()
         with suppress(Empty):
             text = self._pipe.get(timeout=timeout_s)
             self._edit(text or "\n" * bool(self._typed), shown=False)
@@ -192,18 +186,18 @@ class Show(Protocol):
 
 
 class Unasked(NamedTuple):
-    """No answer: a gauge sends by itself. `readings`: so many of its messages became readings."""
+    """No answer: a gauge sends by itself."""
 
-    readings: int
+    readings: int  # that some of its messages became
 
 
 @dataclass(eq=False)
 class DeadTime:
     """When something from one source arrives too soon to be meant; all times are monotonic [s].
 
-    After a reading, every source (the keyboard, the gauges) is ignored for a while: second presses.
-    What arrives in that time is no reading and no answer, and starts it again. A gauge that sends
-    by itself is known by its pace, and ignored until it is quiet.
+    After a reading each source (keyboard, gauges) is ignored for a while, for second presses; what
+    arrives then starts it again. A gauge that sends by itself is known by its pace, and ignored
+    until it is quiet.
     """
 
     opens: float = -math.inf  # from when on a message counts
@@ -295,28 +289,27 @@ class Asker:
     def ask(
         self, prompt: str, step: SessionStep | None = None, takes: int = 0
     ) -> str | Token | Unasked:
-        """Show a prompt and wait for the answer: a typed line, or what a gauge says.
+        """Wait for the reading of a step, after `takes` others, or for words without one.
 
-        Its last line is shown; those above it are on the screen already, and are shown again where
-        something has come between. What is wanted is the reading of a step, after `takes` others,
-        or words. Raises EOFError: nobody will ever answer.
+        Of the prompt its last line is shown; those above it are on the screen already, and are
+        shown again where something has come between. Raises EOFError: nobody will ever answer.
         """
         self._prompt, self._shown, self._asked = prompt, math.inf, None
-        typed, heard = list[Line](), list[Token]()
+        typed, heard, gauge = 0, list[Token](), self.gauge
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
-            typed.append(line)
-        if self.gauge:
-            with suppress(GaugeLost):  # the next look reports it
-                heard = self.gauge.poll(asked=False)
-        if typed and not self._strict:
-            lines = f"{counted(len(typed), 'line')} typed before the prompt"
-            self._break_in(f"ignored: {lines}", Style.ASIDE)
-        for line in typed:
             self._is_meant(line, self._keys)
+            typed += 1
+        if typed and not self._strict:
+            lines = f"{counted(typed, 'line')} typed before the prompt"
+            self._break_in(f"ignored: {lines}", Style.ASIDE)
+        if gauge:
+            with suppress(GaugeLost):  # the next look reports it
+                heard = gauge.poll(asked=False)
         for item in heard:
             self._is_meant(Line(item.raw, self.clock(), self.clock()), self._gauges)
-        gauge = self.gauge if step else None
-        if gauge and step:
+        if step is None:
+            gauge = None
+        elif gauge:
             gauge.begin(step, takes)
         if typed or heard:
             self._redraw()
@@ -379,15 +372,14 @@ class Asker:
         for item in heard:
             if not self._is_meant(Line(item.raw, now, now), self._gauges):
                 continue
-            if item.value is None or item.elsewhere:
-                why = item.elsewhere or "That is not a reading: nothing is recorded."
-                self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
-            else:
+            if item.value is not None and not item.elsewhere:
                 if self.keyboard.live and self._strict:
                     self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
                     self._answered = now, self._gauges
                 self._end_line()
                 return item
+            why = item.elsewhere or "That is not a reading: nothing is recorded."
+            self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
         return None
 
     def _is_meant(self, line: Line, source: DeadTime) -> bool:

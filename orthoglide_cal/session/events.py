@@ -1,10 +1,9 @@
 """Events of a session, the journal that keeps them, and the state that follows from them.
 
-The state is a pure fold over the events (`replay`): a session that was interrupted anywhere
-continues as if it had not been. The journal is an append-only file of one record per line,
-`{"crc32":"…","record":{…}}`. The checksum runs over all records up to this one, so that a record
-that was cut, altered, removed or moved is noticed. A record counts from the moment its bytes are on
-the disk (fsync); what a power loss left of an unfinished last record is ignored and reported.
+The state is a pure fold over the events (`replay`). The journal is an append-only file of one
+record per line, `{"crc32":"…","record":{…}}`. The checksum runs over all records up to this one: a
+record that was cut, altered, removed or moved is noticed. A record counts once its bytes are on the
+disk (fsync); what a power loss left of an unfinished last record is ignored and reported.
 """
 
 import json
@@ -59,8 +58,8 @@ class Doubt(StrEnum):
     @property
     def compares(self) -> bool:
         """True if the reading does not fit the others; not that the gauge can hardly show it."""
-        alone = (Doubt.RANGE, Doubt.GRID, Doubt.DEAD, Doubt.SCATTER, Doubt.LAYOUT, Doubt.DOUBLE)
-        return self not in (*alone, Doubt.PLACE)
+        blunders = (Doubt.REVOLUTION, Doubt.SIGN, Doubt.EXCHANGED, Doubt.POINT)
+        return self in (*blunders, Doubt.STAND, Doubt.UNEXPECTED)
 
 
 # Exactly these types. Named tuples would not be held to it if the schema were built later.
@@ -119,8 +118,7 @@ class Opened(Event):
     @property
     def session(self) -> GuidedSession:
         """The session that is measured where no record behind this one says it."""
-        fields = {name: getattr(self, name) for name in GuidedSession.model_fields}
-        return GuidedSession().changed(**fields)
+        return GuidedSession.model_validate(self, from_attributes=True)
 
     def gauge_id(self, stand: int) -> str | None:
         """Name of the gauge on this stand; None if nobody gave one."""
@@ -128,7 +126,7 @@ class Opened(Event):
 
 
 class Planned(Event):
-    """The readings to take, in this order, where no protocol says it; it stands behind `Opened`."""
+    """The readings to take, in this order, where no protocol says it; behind `Opened`."""
 
     kind: Literal["planned"] = "planned"
     readings: tuple[Named[PlannedReading | PlannedTouch], ...]
@@ -169,14 +167,11 @@ class Questioned(Arrived):
 
 
 class Answered(Event):
-    """The open question was answered: the reading is kept, or will be read again.
-
-    It is kept as `moved` because the stand did move: from here on the gauge has a new zero.
-    """
+    """The open question was answered: the reading is kept, or will be read again."""
 
     kind: Literal["answered"] = "answered"
     keep: bool
-    moved: bool = False
+    moved: bool = False  # the stand did move: from here on the gauge has a new zero
 
 
 class Undone(Event):
@@ -307,9 +302,9 @@ def advance(state: State, event: Event) -> State:
         case Undone() if then := state.before:  # what was added since counts as replaced
             restored = {id(item.take) for item in then.accepted.values()}
             taken = [(item.take, "taken back") for item in state.accepted.values()]
-            obsolete = tuple(one for one in (*state.replaced, *taken) if id(one[0]) not in restored)
-            back = replace(then, notes=state.notes, source=state.source, count=state.count)
-            return replace(back, replaced=obsolete)
+            gone = tuple(one for one in (*state.replaced, *taken) if id(one[0]) not in restored)
+            then = replace(then, notes=state.notes, source=state.source, count=state.count)
+            return replace(then, replaced=gone)
         case Retake():
             again = set(event.steps)
             accepted = state.accepted.items()
@@ -387,10 +382,7 @@ class Journal:
 
     @classmethod
     def decode(cls, data: bytes, path: str | Path) -> "Journal":
-        """The journal that these bytes are; it cannot be continued.
-
-        Raises InputError if there is none, or it is damaged before its last record.
-        """
+        """The journal that these bytes are, not to be continued. Raises InputError: damaged."""
         events: list[Event] = []
         checksum, size = 0, 0
         for number, line in enumerate(BytesIO(data), start=1):
@@ -401,18 +393,17 @@ class Journal:
                 if number > 1 and not rest and line.count(_BEGIN) <= 1:
                     break
                 fault = f"The journal is damaged here: {error}."
-                remedy = (
-                    "Restore the file from a copy; or resume a copy of the lines above this one."
-                )
+                remedy = "Restore the file from a copy"
                 if isinstance(error.__cause__, ValidationError):
                     remedy = "Use the orthocal that wrote it, or restore the file from a copy."
-                elif number == 1:
+                elif number > 1:
+                    remedy += "; or resume a copy of the lines above this one."
+                else:
                     fault = "This is not the journal of a session."
-                    remedy = "Restore the file from a copy, or begin a new session."
+                    remedy += ", or begin a new session."
                 raise InputError(fault, remedy, file=str(path), line=number) from error
             events.append(event)
-            checksum = after
-            size += len(line)
+            checksum, size = after, size + len(line)
         if not events or not isinstance(events[0], Opened):
             raise InputError("The journal is empty.", "Begin a new session.", file=str(path))
         end = b"" if data[:size].endswith(b"\n") else b"\n"
@@ -422,8 +413,7 @@ class Journal:
     def resume(cls, path: Path, opened: ExitStack) -> "Journal":
         """The journal in `path`, to be continued; its lock ends with what is `opened`.
 
-        Raises UsageError: there is none, or another session is using it; InputError: it cannot be
-        read, or is damaged.
+        Raises UsageError: there is none, or it is in use; InputError: it cannot be read.
         """
         try:
             file = opened.enter_context(FileIO(path, "r+"))
@@ -431,18 +421,15 @@ class Journal:
             fault = f"There is no unfinished session in {path}."
             raise UsageError(fault, "Leave out --resume to begin one.") from error
         except OSError as error:
-            raise InputError(
-                f"The journal cannot be opened: {error.strerror}.",
-                "Check the folder and its permissions.",
-                file=str(path),
-            ) from error
+            fault = f"The journal cannot be opened: {error.strerror}."
+            remedy = "Check the folder and its permissions."
+            raise InputError(fault, remedy, file=str(path)) from error
         try:  # the system releases it when the process ends, however
             lock(file.fileno())
         except OSError as error:
-            raise UsageError(
-                f"{path} is in use by another session that is still running.",
-                "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
-            ) from error
+            fault = f"{path} is in use by another session that is still running."
+            remedy = "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q."
+            raise UsageError(fault, remedy) from error
         return replace(cls.decode(file.read(), path), _descriptor=file.fileno())
 
     def append(self, event: Event) -> None:
@@ -471,12 +458,10 @@ class Journal:
                 if os.fstat(self._descriptor).st_size > self._size == self._file_size:
                     os.ftruncate(self._descriptor, self._size)
                     os.fsync(self._descriptor)
-            raise InputError(
-                f"The last entry could not be saved: {error.strerror or error}.",
-                "The readings so far are safe. Free some space, or plug the drive in again; then:"
-                f" {command('measure', str(self.path.with_suffix('.yaml')), options='--resume')}",
-                file=str(self.path),
-            ) from error
+            fault = f"The last entry could not be saved: {error.strerror or error}."
+            again = command("measure", str(self.path.with_suffix(".yaml")), options="--resume")
+            remedy = "The readings so far are safe. Free some space, or plug the drive in again;"
+            raise InputError(fault, f"{remedy} then: {again}", file=str(self.path)) from error
         self._size = self._file_size = self._size + len(line)
         self._checksum, self._end = checksum, b""
         self.state = advance(self.state, event)

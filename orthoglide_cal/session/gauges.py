@@ -1,13 +1,10 @@
-"""Gauges: what each is for the dialogue; what it or a person says; serial lines; a simulation.
-
-And the joints of a running LinuxCNC, where a machine is followed.
-"""
+"""Gauges: serial, typed and simulated; and the joints of a running LinuxCNC that is followed."""
 
 import math
 import re
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -37,6 +34,12 @@ class GaugeLost(OrthocalError):
     exit_code = 3
 
 
+def by_axis(values: Iterable[float], form: str, gap: str = "  ") -> str:
+    """ "X 1.5  Y 0  Z -2": one number for each axis, never parted from it."""
+    parts = (f"{axis.upper()} {value:{form}}" for axis, value in zip(AXES, values, strict=True))
+    return gap.join(parts)
+
+
 class Token(NamedTuple):
     """One message of a gauge or one typed number, understood."""
 
@@ -47,9 +50,11 @@ class Token(NamedTuple):
     source: str = "typed"  # the gauge's name for the records
     elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
 
-    def mm(self, default: Unit) -> float | None:
+    def mm(self, default: Unit) -> float:
         """The value in mm; `default` is its unit where the gauge gave none."""
-        if self.value is None or (self.unit or default) is Unit.MM:
+        if self.value is None:
+            raise ValueError("an error message is not a reading")
+        if (self.unit or default) is Unit.MM:
             return self.value
         # A gauge never shows more than a nanometre: drop the dust of the multiplication.
         return round(self.value * MM_PER_INCH, 6)
@@ -60,9 +65,7 @@ class LiveGauge(Protocol):
 
     hint: str  # what to do for a reading, e.g. "press its button"
     silence: str = ""  # what to check where Return was pressed and nothing came
-    # True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
-    # no press of a button can come too soon.
-    reads_itself: bool = False
+    reads_itself: bool = False  # nobody need be there: no press of a button can come too soon
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for this step, which was read `takes` times: forget what was said before."""
@@ -71,11 +74,8 @@ class LiveGauge(Protocol):
         """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
 
 
-# ---- gauges on serial lines or USB-serial adapters, through pyserial
+# ---- gauges on serial lines
 
-_PORT = re.compile(
-    r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>[^#]*))?(?:#(?P<channels>[\w,]+))?"
-)
 _ENDS = re.compile(rb"[\r\n\t]")
 _LONGEST = 120  # longer than any token in use: what exceeds it is noise on the line
 PATIENCE_S = 1.0  # a token whose end does not follow within this time was cut off on its way [s]
@@ -96,13 +96,13 @@ class SerialFormat:
         """Read a token; its value is None unless every character is as expected."""
         if not (match := re.fullmatch(self.pattern, raw, flags=re.ASCII | re.IGNORECASE)):
             return Token(raw)
-        given = match.groupdict()
-        digits = match["value"].replace(" ", "").replace(",", ".")
-        unit, channel = given.get("unit"), given.get("channel") or None
+        given = match.groupdict("")
+        digits = given["value"].replace(" ", "").replace(",", ".")
+        channel = given.get("channel") or None
         if _ERROR_CODES.fullmatch(digits):
             return Token(raw, channel=channel)
-        # A reading of -0 is 0.
-        return Token(raw, float(digits) + 0.0, _UNITS[unit.lower()] if unit else None, channel)
+        unit = _UNITS.get(given.get("unit", "").lower())
+        return Token(raw, float(digits) + 0.0, unit, channel)  # a reading of -0 is 0
 
 
 # A new gauge is one more entry here, and its name in the help of `orthocal measure --gauge`.
@@ -133,6 +133,7 @@ SERIAL_FORMATS = {  # by the name in --gauge NAME:PORT
         r"DT1(?P<channel>\d{0,6})(?P<value>[+-]\d{1,6}\.\d{1,6})(?P<unit>[MI])", baud=57600
     ),
 }  # fmt: skip
+_PORT = re.compile(rf"({'|'.join(SERIAL_FORMATS)}):([^#@]+)(?:@([^#]*))?(?:#([\w,]+))?")
 _TYPED = SerialFormat(
     r"(?P<value>[+-]?\s?(?:\d{1,6}(?:[.,]\d{0,6})?|[.,]\d{1,6}))\s*(?P<unit>mm|inch|in|\")?"
 )
@@ -148,52 +149,41 @@ def parse_typed(text: str) -> Token:
     if (token := _TYPED.parse(plain)).value is not None:
         return token._replace(raw=text.strip())
     clean = visible(plain)
-    shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
-    error = r"err|^\d\s+to\b"
-    if _ERROR_CODES.fullmatch(plain) or re.search(error, plain, flags=re.IGNORECASE):
-        raise InputError(f"{shown} is an error message of the gauge, not a reading.")
-    raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
+    fault = "not a reading. Type a number such as -0.12, or ? for help."
+    if _ERROR_CODES.fullmatch(plain) or re.search(r"(?i)err|^\d\s+to\b", plain):
+        fault = "an error message of the gauge, not a reading."
+    raise InputError(f"'{clean if len(clean) <= 24 else clean[:23] + '~'}' is {fault}")
 
 
 class SerialPort:
-    """The serial line `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]`, not opened yet.
-
-    Raises UsageError for any other text, or an unknown format.
-    """
+    """The serial line `FORMAT:PORT[@BAUD][#CHANNEL[,CHANNEL]]`. Raises UsageError for others."""
 
     def __init__(self, text: str) -> None:
-        match, name = _PORT.fullmatch(text), text.partition(":")[0]
-        if match is None or name not in SERIAL_FORMATS:
-            raise UsageError(
-                f"There is no gauge {text!r}.",
-                "Choose typed, simulated, or FORMAT:PORT, such as sylvac:/dev/ttyUSB0, with one of"
-                f" {', '.join(SERIAL_FORMATS)}.",
-            )
-        if match["baud"] is not None and not match["baud"].isdecimal():
-            raise UsageError(
-                f"The speed {match['baud']!r} is not a number of baud.",
-                f"{name} usually has @{SERIAL_FORMATS[name].baud}, which may be left out.",
-            )
-        self.format = SERIAL_FORMATS[name]
-        self.port = match["port"]
-        self.baud = int(match["baud"] or self.format.baud)
+        if not (match := _PORT.fullmatch(text)):
+            remedy = "Choose typed, simulated, or FORMAT:PORT, such as sylvac:/dev/ttyUSB0, with"
+            remedy += f" one of {', '.join(SERIAL_FORMATS)}."
+            raise UsageError(f"There is no gauge {text!r}.", remedy)
+        name, self.port, speed, channels = match.groups()
+        self.format, self.name = SERIAL_FORMATS[name], f"{name}:{self.port}"
+        if not (speed is None or speed.isdecimal()):
+            remedy = f"{name} usually has @{self.format.baud}, which may be left out."
+            raise UsageError(f"The speed {speed!r} is not a number of baud.", remedy)
+        self.baud = int(speed or self.format.baud)
         # Of the gauges that are read side by side; none if the line is of one gauge.
-        self.channels = match["channels"].split(",") if match["channels"] else []
-        self.name = f"{name}:{self.port}"
+        self.channels: list[str] = channels.split(",") if channels else []
         self._line: serial.Serial | None = None
         self._rest, self._since = b"", 0.0  # of a message that has not ended, and when it began
         self._decimals: dict[object, int] = {}  # the most so far, of a channel in a unit
 
     def open(self) -> "serial.Serial":
-        """Open the port, unless it is open. Raises UsageError without pyserial, GaugeLost."""
+        """The open port. Raises UsageError without pyserial, GaugeLost."""
         if self._line is not None:
             return self._line
         try:
             import serial
         except ImportError as error:
-            raise UsageError(
-                "Serial gauges need pyserial.", "Install it: pip install 'orthocal[serial]'"
-            ) from error
+            remedy = "Install it: pip install 'orthocal[serial]'"
+            raise UsageError("Serial gauges need pyserial.", remedy) from error
         try:
             self._line = serial.Serial(
                 self.port, baudrate=self.baud, bytesize=self.format.data_bits,
@@ -201,10 +191,9 @@ class SerialPort:
                 timeout=0, write_timeout=1.0, exclusive=True,
             )  # fmt: skip
         except (OSError, ValueError) as error:
-            raise GaugeLost(
-                f"The gauge on {self.port} cannot be reached: {_reason(error)}.",
-                "Check its cable, and the name of the port after --gauge.",
-            ) from error
+            fault = f"The gauge on {self.port} cannot be reached: {_reason(error)}."
+            remedy = "Check its cable, and the name of the port after --gauge."
+            raise GaugeLost(fault, remedy) from error
         self._rest = b""
         return self._line
 
@@ -220,9 +209,8 @@ class SerialPort:
             data = line.read(line.in_waiting or 1)
         except (OSError, TypeError) as error:  # pyserial: TypeError once the port has gone
             self.close()
-            raise GaugeLost(
-                f"The gauge on {self.port} does not answer: {_reason(error)}."
-            ) from error
+            fault = f"The gauge on {self.port} does not answer: {_reason(error)}."
+            raise GaugeLost(fault) from error
         return self.tokens(data, time.monotonic())
 
     def tokens(self, data: bytes, now: float) -> list[Token]:
@@ -236,18 +224,20 @@ class SerialPort:
             self._since = now
         self._rest = rest[: _LONGEST + 1]
         texts = map(_decoded, (message for message in whole if len(message) <= _LONGEST))
-        tokens = [self.format.parse(text) for text in texts if text.strip()]
-        for number, token in enumerate(tokens):
-            if token.value is not None and (decimals := re.search(r"[.,](\d+)", token.raw)):
-                gauge, count = (token.channel, token.unit), len(decimals[1])
-                most = self._decimals[gauge] = max(count, self._decimals.get(gauge, 0))
-                if count < most:
-                    short = f"It had {most} decimals before: press again; or q and --resume if you"
-                    tokens[number] = token._replace(elsewhere=f"{short} changed that.")
+        tokens = [self._complete(self.format.parse(text)) for text in texts if text.strip()]
         if now - self._since > PATIENCE_S:
             cut, self._rest = _decoded(self._rest[:_LONGEST]), b""
             tokens += [Token(cut)] if cut else []
         return tokens
+
+    def _complete(self, token: Token) -> Token:
+        decimals = re.search(r"[.,](\d+)", token.raw)
+        if token.value is None or decimals is None:
+            return token
+        gauge, count = (token.channel, token.unit), len(decimals[1])
+        most = self._decimals[gauge] = max(count, self._decimals.get(gauge, 0))
+        short = f"It had {most} decimals before: press again; or q and --resume if you changed"
+        return token._replace(elsewhere=f"{short} that." if count < most else None)
 
     def close(self) -> None:
         """Let go of the port."""
@@ -258,10 +248,7 @@ class SerialPort:
 
 
 class SerialGauge(LiveGauge):
-    """Gauges side by side, each on a port of its own or on a channel of the same one.
-
-    `source` as for `SerialPort`. Raises UsageError.
-    """
+    """Gauges side by side, on ports (as of `SerialPort`) or channels of their own."""
 
     def __init__(self, source: Sequence[str]) -> None:
         self.ports = [SerialPort(text) for text in source]
@@ -271,8 +258,7 @@ class SerialGauge(LiveGauge):
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """Listen to the gauge of this step."""
-        self._stand = step.stand
-        self._wanted = min(step.stand, len(self.ports) - 1)
+        self._stand, self._wanted = step.stand, min(step.stand, len(self.ports) - 1)
         port = self.ports[self._wanted]
         answer = f"Return cannot ask the gauge on {port.port}: press its button. Nothing?"
         if port.format.request:
@@ -297,17 +283,16 @@ class SerialGauge(LiveGauge):
 
 
 def _decoded(message: bytes) -> str:
-    return message.decode("ascii", errors="replace").strip("\0")
+    return message.decode("ascii", "replace").strip("\0")
 
 
 def _reason(error: Exception) -> str:
-    """A short reason without the library's own wording around it."""
+    """The reason in an error of pyserial."""
     match = re.search(r".*\] (.+?)(?:: '|$)", str(error))
     return match.group(1) if match else str(error).rstrip(".")
 
 
-# ---- a running LinuxCNC: `linuxcncrsh` answers one line for each line over TCP (its manual page).
-# Nothing here can move a machine.
+# ---- a running LinuxCNC: `linuxcncrsh` answers one line for each line over TCP
 
 PORT = 5007
 NEAR_MM = 0.05  # farther from the posture, a reading is questioned
@@ -316,23 +301,12 @@ _ADDRESS = re.compile(r"linuxcnc(?::([^:\[\]\s]+|\[[^\]\s]+\])(?::([0-9]{1,5}))?
 _UNITS_MM = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
 
 
-class Stood(NamedTuple):
-    """How far a machine stood from a posture (the largest difference of a joint), and where."""
-
-    away_mm: float = 0.0
-    words: str = ""  # none where nobody knows
-
-
 class Standing:
-    """The joints of a running controller at `linuxcnc[:HOST[:PORT]]`, of linuxcncrsh.
-
-    Raises UsageError: there is no LinuxCNC, or one that cannot be followed.
-    """
+    """The joints of a controller at `linuxcnc[:HOST[:PORT]]`. Raises UsageError: none to follow."""
 
     def __init__(self, address: str) -> None:
         parts = _ADDRESS.fullmatch(address)
-        port = int(parts[2] or PORT) if parts else 0
-        if parts is None or not 0 < port < 65536:
+        if parts is None or not 0 < (port := int(parts[2] or PORT)) < 65536:
             raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
         host = (parts[1] or "localhost").strip("[]")
         try:
@@ -345,36 +319,31 @@ class Standing:
             # Identity: its joints are the axes of the tool, in the order of its `coordinates`.
             self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == ["1"]
         except (OSError, KeyError, ValueError) as error:
-            raise UsageError(
-                f"No LinuxCNC can be followed at {host}:{port}: {system_words(error)}.",
-                "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
-                " measure without --follow.",
-            ) from error
+            fault = f"No LinuxCNC can be followed at {host}:{port}: {system_words(error)}."
+            remedy = "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh)"
+            raise UsageError(fault, f"{remedy}; or measure without --follow.") from error
         if not self._homed():
             self.close()
             problem = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
             raise UsageError(problem, "Home all joints, then give the command again.")
 
-    def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
-        """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
+    def at(self, joints: Floats, tool: Floats, home_mm: float) -> tuple[float, str]:
+        """Largest distance of a joint from these joints and this tool (3,) [mm], and its place.
 
         A controller without kinematics is driven to either, and may count from the joint value of
         the isotropic posture. Raises OSError, ValueError: nothing answers any more, or no place.
         """
         if not self._homed():
             raise ConnectionError("it is not homed any more")
-        place = "abs_act_pos" if self._identity else "joint_pos"
-        answer = self._ask(f"get {place}", place.upper())[: len(AXES)]
-        stands = self._unit_mm * np.array(answer, dtype=float)
+        name = "abs_act_pos" if self._identity else "joint_pos"
+        stands = self._unit_mm * np.array(self._ask(f"get {name}", name.upper())[:3], dtype=float)
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
         away = float(np.abs(wanted - stands).max(axis=1).min())
-        axes = zip(AXES, stands.tolist(), strict=True)
-        place = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
-        return Stood(away, f"the controller stood at {place}")
+        return away, f"the controller stood at {by_axis(stands, '.3f', ' ')}"
 
     def _homed(self) -> bool:
-        """True if all joints are homed: before, their positions are arbitrary. Raises OSError."""
-        return self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)] == ["YES"] * len(AXES)
+        """True if all joints are homed. Raises OSError."""
+        return self._ask("get joint_homed", "JOINT_HOMED")[:3] == ["YES"] * 3
 
     def _ask(self, question: str, answer: str) -> list[str]:
         """The words of an answer behind its name. Raises OSError."""
@@ -395,29 +364,25 @@ class Standing:
 OFFSETS_MM = 1.5
 ZEROS_MM = 0.3
 _FINEST_MM = 1e-6  # in which two active offsets are distinguished
-
 _TRUTH, _NOISE = 0, 1  # streams of random numbers
 
 
 class SimulatedGauge(LiveGauge):
     """Reads what the real gauges would; the same seed gives the same readings.
 
-    The hidden offsets are those of the machine without any correction: what is active in the
-    controller acts, so that a correction that was entered is seen when it is measured again.
+    The hidden offsets are those of the machine without any correction: what is active acts.
 
-    Every reading has its own stream of random numbers (seed, step, take, and what is active), so
-    that a session that was interrupted reads the same as one that was not. In a session that goes
-    on from others, steps count from theirs on, and every part has its own zeros.
+    Each reading has a stream of random numbers (seed, step, take, active offsets), so that an
+    interrupted session reads the same as any other. In a session that goes on from others, steps
+    count from theirs on, and every part has its own zeros.
     """
 
     hint = "press Return"
     reads_itself = True
 
     def __init__(self, setting: Setting, seed: int) -> None:
-        self._gauge = setting.machine.instrument
-        self._seed = seed
+        self._gauge, self._seed = setting.machine.instrument, seed
         active = np.array(setting.machine.active)
-        # Nothing for no correction.
         steps = (active / _FINEST_MM).round().astype(np.int64) % 2**32
         self._active: list[int] = steps.tolist() if steps.any() else []
         rng = np.random.default_rng([seed, _TRUTH])
@@ -425,9 +390,8 @@ class SimulatedGauge(LiveGauge):
         plan = setting.plan
         later = (np.random.default_rng([seed, _TRUTH, part]) for part in range(1, plan.parts))
         zeros = np.array([part.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)) for part in (rng, *later)])
-        exact = simulate(setting.model, self.offsets_mm, plan)
-        zero = zeros[plan.part, plan.leg, plan.direction]
-        self._exact: list[float] = (exact + zero).tolist()
+        self._exact = simulate(setting.model, self.offsets_mm, plan)
+        self._exact += zeros[plan.part, plan.leg, plan.direction]
         self._before = len(setting.first.readings) if setting.first else 0
         self._wanted = (1, 0)  # step and take
 

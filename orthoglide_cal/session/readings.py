@@ -1,8 +1,7 @@
 """The readings of a session and those that it continues: as arrays, and as its file holds them.
 
-With the forecast of the next reading, and live checks: is a reading what those before it, and the
-model, lead to expect? It is questioned when its deviation is as improbable as one beyond LIMIT
-standard errors, and the question names the blunder that explains it best. Nothing is altered.
+With live checks: a reading that is less probable than one beyond LIMIT standard errors, by those
+before it and the model, is questioned; the question names the blunder that explains it best.
 """
 
 import math
@@ -60,9 +59,9 @@ def count_words(readings: int, replaced: int, skipped: int) -> str:
 
 
 class PriorReadings:
-    """The n readings that were there before a session began; part of it in every result.
+    """The n readings that a session continues, on the machine as it was for the first of them.
 
-    On the machine as it was for the first of them. Raises UsageError: these are no readings.
+    Raises UsageError: these are no readings.
     """
 
     def __init__(self, data: FileText, given: Input) -> None:
@@ -87,12 +86,11 @@ class PriorReadings:
     @property
     def environment(self) -> dict[str, str]:
         """Notes around them, and where they are from."""
-        conditions, data = self.conditions, self.data
-        environment = dict(conditions.environment)
+        conditions = self.conditions
         counts = count_words(len(self.readings), conditions.retaken, conditions.skipped)
-        origin = [f"{visible(data.path)} ({counts}), sha256 {data.sha256}"]
-        before = [environment[_ORIGIN]] if _ORIGIN in environment else []
-        return {**environment, _ORIGIN: "; ".join(origin + before)}
+        origin = f"{visible(self.path)} ({counts}), sha256 {self.data.sha256}"
+        before = conditions.environment.get(_ORIGIN)
+        return {**conditions.environment, _ORIGIN: f"{origin}; {before}" if before else origin}
 
     def minutes(self, opened_at: str, since: float) -> float | None:
         """The time of a new reading on the clock of the first ones; None where they have none.
@@ -140,10 +138,7 @@ class Setting:
         return self.model.holding(tuple(held.round(9).tolist()))
 
     def short_mm(self, step: SessionStep) -> Floats:
-        """Distance by which each carriage is commanded short of its posture, shape (3,) [mm].
-
-        For the machine that is the same as if it had been entered in the controller.
-        """
+        """Distance by which each carriage is commanded short of its posture, shape (3,) [mm]."""
         active = self.following.entered if self.following else NOTHING_ENTERED
         return np.asarray(np.subtract(step.cell.entered, active, dtype=np.float64).round(9))
 
@@ -162,8 +157,7 @@ class ReadingsSoFar:
     """The n readings that count in a state of the session, from first to last."""
 
     def __init__(self, state: State, setting: Setting) -> None:
-        self.state = state
-        self.setting = setting
+        self.state, self.setting = state, setting
         steps, items = setting.steps, state.accepted.values()
         self.steps = [steps[number - 1] for number in state.accepted]  # what each is of
         self.value: Floats = np.array([item.take.value_mm for item in items])  # shape (n,) [mm]
@@ -171,14 +165,10 @@ class ReadingsSoFar:
         self.minutes: Floats = np.array([item.take.minutes for item in items]).round(TICK_DECIMALS)
         self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
         self.settled: set[Doubt] = set()  # of readings that were kept
-        # The step at which the stand of each was moved last; None if it never was.
-        self.moved: list[int | None] = []
-        # Not 0 where a reading that was kept in doubt began a new zero.
-        self.fresh: list[int] = []
+        self.moved: list[int | None] = []  # step at which the stand of each was moved last
+        self.fresh: list[int] = []  # not 0 where a reading that was kept in doubt began a new zero
         self.setup: list[int] = []  # readings of one share a zero
-        # Indices of those that others are compared with: not of those kept in doubt, though they
-        # do not fit, which prove nothing.
-        proven: list[int] = []
+        proven: list[int] = []  # indices of those to compare with: not of those kept in doubt
         begun, known = dict[object, int](), dict[object, int]()
         for index, (step, (take, rank)) in enumerate(zip(self.steps, items, strict=True)):
             moves = (at for at, then in state.moved if then <= rank)
@@ -186,12 +176,10 @@ class ReadingsSoFar:
             self.fresh.append(begun.get(step.zero, 0))
             zero = (step.zero, self.moved[-1], self.fresh[-1])
             self.setup.append(known.setdefault(zero, len(known)))
-            doubted = False
-            if isinstance(take, Questioned):
-                self.settled.add(take.doubt)
-                # One that showed that its stand was moved is right: only the zero before is not.
-                doubted = take.doubt.compares and (take.step, rank) not in state.moved
-            if doubted:
+            doubt = take.doubt if isinstance(take, Questioned) else None
+            self.settled |= {doubt} if doubt else set()
+            # One that showed that its stand was moved is right: only the zero before is not.
+            if doubt and doubt.compares and (take.step, rank) not in state.moved:
                 begun[step.zero] = index + 1
             else:
                 proven.append(index)
@@ -304,8 +292,8 @@ class ReadingsSoFar:
     def unneeded(self) -> list[SessionStep]:
         """Steps that can be left out once the offsets are known.
 
-        Not one while some leg, gauge and posture was not measured: a model that was not compared
-        with all of them may be wrong. The closing isotropic posture of the leg in hand stays.
+        None while a leg, gauge and posture was not measured: a model that was not compared with all
+        of them may be wrong. The closing isotropic posture of the leg in hand stays.
         """
         state, steps, left = self.state, self.setting.steps, self.left
         done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
@@ -375,9 +363,8 @@ class ReadingsSoFar:
 #
 # with normally distributed unknowns: joint offsets, one zero per gauge set-up, what the model
 # leaves out at each posture (the same in each cycle), the drift of each gauge, and what changes
-# after a leg's first posture. Their sizes come from the machine file; how large the misfit is on
-# this machine shows only in the readings, so several sizes are carried along, each with the
-# likelihood that the readings give it.
+# after a leg's first posture. Their sizes come from the machine file; that of the misfit shows only
+# in the readings: several are carried along, each with the likelihood that the readings give it.
 
 # Standard deviations of what nobody knows before the first reading [mm].
 OFFSET_MM = 3.0
@@ -390,12 +377,8 @@ _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
 def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mixture:
     """Readings of a plan (m,) before the first is taken, for each size of the misfit.
 
-    Args:
-        model: the sizes of its machine's causes give standard deviations.
-        plan: readings of one set-up share a zero.
-        fresh: shape (m,); where not 0, nothing is known of a reading but its repeats with the same
-            number.
-        sigma_mm: standard deviation of one reading.
+    Where `fresh` (m,) is not 0, nothing is known of a reading but its repeats with the same number.
+    The standard deviation of one reading is `sigma_mm`.
     """
     machine, causes = model.machine, CAUSES.values()
     zero = np.zeros(len(machine.parameter_names))
@@ -432,9 +415,9 @@ def _first_visits(plan: GaugePlan) -> Bools:
 
 @lru_cache(maxsize=8)  # asked for at every reading
 def plausible_misfit_mm(machine: Machine) -> float:
-    """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
+    """Plausible size of what the model leaves out of a posture's reading [mm].
 
-    Of each cause at the posture that it changes most, compared with the isotropic one.
+    Of all causes, each at the posture that it changes most, compared with the isotropic one.
     """
     hidden, plan = machine.unobservable, double_posture(machine, cycles=1)
     ids = [cause.id for cause in CAUSES.values() if cause.repeats and cause.id not in hidden]
@@ -466,16 +449,13 @@ class Question(NamedTuple):
 
 
 def check(readings: ReadingsSoFar, unit: Unit) -> Question | None:
-    """The first question that the last reading, given in a unit, raises; None if it raises none."""
+    """The first question that the last reading, given in a unit, raises; None without one."""
     checks = (check_range, check_reading, check_divisions, check_repeats)
     return next(filter(None, (raised(readings, unit) for raised in checks)), None)
 
 
 def check_range(readings: ReadingsSoFar, unit: Unit) -> Question | None:
-    """The question of a reading further from zero than the gauge's plunger travels.
-
-    Or further from another reading of the same gauge: zero may have been set elsewhere.
-    """
+    """The question of a reading further from the gauge's others, or zero, than it travels."""
     value, most_mm = float(readings.value[-1]), readings.setting.machine.instrument.most_mm
     earlier = readings.value[readings.series]
     if np.abs(value - (earlier if earlier.size else 0.0)).max() <= most_mm:

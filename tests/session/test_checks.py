@@ -128,13 +128,13 @@ def test_gauges_exchanged_at_a_posture(at: int) -> None:
 )
 def test_a_knocked_stand(protocol: MeasuringProtocol, at: int, size: float) -> None:
     steps, values = right(protocol)
-    series = steps[at].series
+    series = steps[at].cell.series
     knocked = [
-        v + size if i >= at and steps[i].series == series else v for i, v in enumerate(values)
+        v + size if i >= at and steps[i].cell.series == series else v for i, v in enumerate(values)
     ]
     ((number, question),) = play(knocked, steps, questions=1, begin=at)
     assert number == at + 1
-    last = [s.number for s in steps[:at] if s.series == series][-1]
+    last = [s.number for s in steps[:at] if s.cell.series == series][-1]
     assert re.search(f"the stand (seems to have )?moved since step {last}", question.text)
 
 
@@ -144,7 +144,7 @@ def test_a_kept_blunder_is_not_asked_about_again(at: int, slip_mm: float, knock_
     steps, values = right()
     values[at] += slip_mm
     for index in range(at, len(steps)):
-        values[index] += knock_mm * (steps[index].series == steps[at].series)
+        values[index] += knock_mm * (steps[index].cell.series == steps[at].cell.series)
     assert [number for number, _ in play(values, steps, begin=at)] == [at + 1]
 
 

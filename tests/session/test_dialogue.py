@@ -124,7 +124,8 @@ def test_until_ends_early_with_the_closing_posture(
 
     dialogue, _, stack = a_dialogue(tmp_path / "s.journal", answers(), until_mm=until)
     with stack:
-        state = dialogue.run()
+        dialogue.run()
+        state = dialogue.state
     assert set(state.dropped.values()) == {state.ended.reason}
     assert len(state.dropped) >= least
     assert len(state.accepted) + len(state.dropped) == 60
@@ -282,7 +283,7 @@ def test_keys_work_at_a_question(tmp_path: Path, line: str) -> None:
 def test_a_moved_stand_gets_a_new_zero_and_the_offsets_stay_right(tmp_path: Path) -> None:
     right, steps = readings_of(steps_of(), 1), steps_of()
     knocked = [
-        v + 0.5 if s.number >= 29 and s.series == (1, 0) else v
+        v + 0.5 if s.number >= 29 and s.cell.series == (1, 0) else v
         for s, v in zip(steps, right, strict=True)
     ]
     lines = typed(knocked)
