@@ -377,16 +377,15 @@ class Dialogue:
 
     def _stood(self, step: SessionStep) -> tuple[float, str]:
         """As `Standing.at`; nowhere if it is not followed, which is said once if it was."""
-        if self.standing is None:
-            return 0.0, ""
-        try:
-            return self.standing.at(*self.setting.point(step), self.setting.machine.home_mm)
-        except (OSError, ValueError) as gone:
-            self.standing.close()
-            self.standing = None
-            lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
-            self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
-            return 0.0, ""
+        if standing := self.standing:
+            try:
+                return standing.at(*self.setting.point(step), self.setting.machine.home_mm)
+            except (OSError, ValueError) as gone:
+                standing.close()
+                self.standing = None
+                lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
+                self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
+        return 0.0, ""
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
@@ -427,9 +426,9 @@ class Dialogue:
                 if not (why := _clean(why) or self._words(asked)):
                     return
                 self.write(events.Noted(at=self.now(), step=step.number, text=why))
-            self._keep(pending)
+            self._accept(events.Answered(at=self.now(), keep=True))
         elif word == "m" and may_move:
-            self._keep(pending, moved=True)
+            self._accept(events.Answered(at=self.now(), keep=True, moved=True))
         elif _KEYS.get(word) == "u":
             self._undo()
         else:
@@ -503,12 +502,10 @@ class Dialogue:
             far = f"The machine stands {away_mm:.2f} mm from this posture: drive there first?"
             question = Question(Doubt.PLACE, far)
         if question is None:
-            self.write(taken)
-            self._acknowledge(step, value)
+            self._accept(taken)
             return
         doubt, text = question
-        asked = Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text)
-        self.write(asked)
+        self.write(Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text))
         self.asker.rest(driving=False)
         before = [old for old, _ in self.state.replaced if old.step == step.number]
         near = (o for o in before if abs(value - o.value_mm) <= 3.0 * readings.sigma_mm)
@@ -518,7 +515,7 @@ class Dialogue:
             self.asker.say(OUT_OF_RANGE, Style.BAD)
         elif again:
             self.asker.say("The same reading again: kept, with a note.")
-            self._keep(asked)
+            self._accept(events.Answered(at=self.now(), keep=True))
 
     def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
         """The record of a reading that arrives now."""
@@ -532,19 +529,15 @@ class Dialogue:
             remark=remark,
         )  # fmt: skip
 
-    def _keep(self, reading: Questioned, moved: bool = False) -> None:
-        self.write(events.Answered(at=self.now(), keep=True, moved=moved))
-        self._acknowledge(self.setting.steps[reading.step - 1], reading.value_mm)
-
-    def _acknowledge(self, step: SessionStep, value: float) -> None:
-        """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        so_far, last = self.so_far, ""
-        stays = any(other.visit == step.visit for other in so_far.left[:1])
+    def _accept(self, event: Event) -> None:
+        """Save a reading; after the last gauge of a posture, say the offsets so far."""
+        self.write(event)
+        so_far, unit, last = self.so_far, self.request.unit, ""
+        stays = any(other.visit == so_far.steps[-1].visit for other in so_far.left[:1])
         self.asker.rest(driving=not stays)
         for i in so_far.repeats[-1:]:
-            before = value_text(float(so_far.value[i]), self.request.unit)
-            last = f"   (cycle {so_far.steps[i].cycle}: {before})"
-        saved = f"   saved {value_text(value, self.request.unit)}{last}"
+            last = f"   (cycle {so_far.steps[i].cycle}: {value_text(float(so_far.value[i]), unit)})"
+        saved = f"   saved {value_text(float(so_far.value[-1]), unit)}{last}"
         self.asker.say(saved, Style.GOOD, pushes=not stays)
         if not stays:
             self._say_offsets()
