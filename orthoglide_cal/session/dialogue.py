@@ -862,10 +862,8 @@ def planned_next(
     change = np.subtract((x, y, z), first.left_entered)
     # To act they were homed for, and that has pushed stands that were still there.
     moved = bool(change.round(6).any())
-    number = request.choice or next(
-        k for k, option in enumerate(options, 1) if not (moved and option.continues)
-    )
-    option = options[number - 1]
+    possible = (option for option in options if not (moved and option.continues))
+    option = options[request.choice - 1] if request.choice else next(possible)
     plan = GaugePlan.require(option.plan)
     if moved and option.continues:
         fault = "The offsets in the controller were changed since the last reading: that"
@@ -890,7 +888,7 @@ def _recommended(
     path: str, request: Request
 ) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
-    keeper, choice = request.keeper, request.choice
+    keeper, choice = request.keeper, request.choice or 1
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
@@ -906,7 +904,7 @@ def _recommended(
         fault += " gauges; readings of both kinds cannot be joined."
         raise UsageError(fault, "Measure a separate session: orthocal measure")
     options = rank_measurements(diagnose(first.readings, first.model))
-    if choice is not None and choice > len(options):
+    if choice > len(options):
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.machine.active + first.left_entered
