@@ -71,8 +71,7 @@ from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed,
 TYPED, VIRTUAL = "typed", "simulated"
 JOURNAL = ".journal"
 _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
-# What every U before the end leaves out: asking what else may be wrong takes all readings.
-UNLESS = "95 % if nothing else is wrong"
+UNLESS = "95 % if nothing else is wrong"  # of U: what else may be wrong shows at the end only
 WAIT_S = 0.3  # how often a machine that is followed is looked at
 
 HELP = """\
@@ -101,8 +100,7 @@ Not kept: the gauge cannot show this. Read it again, or skip it: s and why.
 Set a gauge that has a preset to zero. If its stated range is wrong: q, then
 correct range_mm in the machine file and begin anew."""
 
-# Keys as words, too.
-_KEYS = {
+_KEYS = {  # as words, too
     **{key: key for key in "urnstq?"},
     **{"undo": "u", "back": "u", "retake": "r", "note": "n", "skip": "s", "help": "?"},
     **dict.fromkeys(("quit", "exit"), "q"),
@@ -544,7 +542,7 @@ class Dialogue:
             self._shorten()
 
     def _say_offsets(self) -> None:
-        """The offsets so far with their U; what else may be wrong adds to it at the end only."""
+        """The offsets so far with their U."""
         solution, expanded = self.so_far.solution, self.so_far.expanded_mm
         if solution is None or expanded is None:
             return

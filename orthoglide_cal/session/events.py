@@ -252,14 +252,12 @@ class State:
     dropped: Mapping[int, str] = field(default_factory=dict)  # step no longer needed → reason
     replaced: tuple[tuple[Arrived, str], ...] = ()  # (reading that no longer counts, reason)
     notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
-    # (step number, rank) of readings from which on a stand stood elsewhere.
-    moved: tuple[tuple[int, int], ...] = ()
+    moved: tuple[tuple[int, int], ...] = ()  # (step, rank) of readings since which a stand moved
     pending: Questioned | None = None  # a questioned reading that waits for an answer
     ended: Ended | None = None  # the last record, once the session is complete
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
-    # The state to which an undo returns.
-    before: "State | None" = field(default=None, repr=False, compare=False)
+    before: "State | None" = field(default=None, repr=False, compare=False)  # to undo
 
     def is_open(self, step: int) -> bool:
         """True if this step still has to be measured."""

@@ -48,8 +48,7 @@ from orthoglide_cal.words import MM_PER_INCH, Unit, in_unit, value_text, with_un
 
 TICK_DECIMALS = 4  # of minutes, as they stand in the session file
 _ORIGIN = "goes_on_from"
-# Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
-_ENOUGH = 9
+_ENOUGH = 9  # pairs of repeats whose scatter may replace the gauge's stated repeatability
 
 
 def count_words(readings: int, replaced: int, skipped: int) -> str:
@@ -367,11 +366,8 @@ class ReadingsSoFar:
 # in the readings: several are carried along, each with the likelihood that the readings give it.
 
 # Standard deviations of what nobody knows before the first reading [mm].
-OFFSET_MM = 3.0
-ZERO_MM = 50.0
-UNKNOWN_MM = 5.0
-# Sizes of the misfit that are carried along, in plausible ones.
-_SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
+OFFSET_MM, ZERO_MM, UNKNOWN_MM = 3.0, 50.0, 5.0
+_SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])  # of the misfit, in plausible ones
 
 
 def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mixture:
