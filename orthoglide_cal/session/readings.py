@@ -182,8 +182,7 @@ class ReadingsSoFar:
                 begun[step.zero] = index + 1
             else:
                 proven.append(index)
-        # What the last reading is compared with, (k,).
-        last = len(self.steps) - 1
+        last = len(self.steps) - 1  # it is compared with those of the past (k,)
         self.past: Ints = np.array([index for index in proven if index != last], dtype=np.int64)
         # Of these the readings by the same gauge in the same set-up; and in the same cell.
         self.series = [i for i in self.past.tolist() if self.setup[i] == self.setup[last]]
@@ -289,18 +288,16 @@ class ReadingsSoFar:
         return self.solution.budget.extended(warmth(mean_c, length)).expanded_mm
 
     def unneeded(self) -> list[SessionStep]:
-        """Steps that can be left out once the offsets are known.
+        """Steps that can be left out after a posture, once the offsets are known.
 
         None while a leg, gauge and posture was not measured: a model that was not compared with all
         of them may be wrong. The closing isotropic posture of the leg in hand stays.
         """
         state, steps, left = self.state, self.setting.steps, self.left
         done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
-        if not self.steps or {step.cell for step in steps} - done:
+        if {step.cell for step in steps} - done:
             return []
         last = self.steps[-1]
-        if left and left[0].visit == last.visit:
-            return []  # the other gauge of this posture is still to be read
         closing = [s for s in left if s.setup == last.setup and s.posture is Posture.ISO]
         if last.posture is Posture.ISO or not closing:
             return left
