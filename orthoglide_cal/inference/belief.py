@@ -53,21 +53,19 @@ class Belief:
         spots = len(np.unique(plan.repeats[plan.touches]))
         at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
         listed = cls(measured, model, at, score_all(at)).refined([()])
-        return replace(listed, patterned={one.label: one for one in listed.beside(())})
+        patterns = listed.beside(listed.hypotheses[()])
+        return replace(listed, patterned={one.label: one for one in patterns})
 
     def refined(self, sets: Iterable[Ids]) -> Self:
         """The same with the nonlinear fits of some more sets of causes."""
         fits = {ids: self.fit_of(ids) for ids in sets}
         return replace(self, fits={**self.fits, **fits}) if fits.keys() - self.fits else self
 
-    def beside(self, ids: Ids) -> list[Hypothesis]:
-        """Every pattern in addition to a set of causes, not looked at closely."""
-        return combined(self.hypotheses[ids], self.fit_of(ids), self._every(fine=False))
-
-    def _every(self, *, fine: bool) -> list[list[Pattern]]:
+    def beside(self, hypothesis: Hypothesis, *, fine: bool = False) -> list[Hypothesis]:
+        """Every pattern in addition to what a hypothesis holds, perhaps looked at closely."""
         if fine not in self._tried:
             self._tried[fine] = pattern_candidates(self.fit_of(()), fine=fine)
-        return self._tried[fine]
+        return combined(hypothesis, self.fit_of(hypothesis.ids), self._tried[fine])
 
     def closely(self) -> Self:
         """The same with patterns looked at closely, also in addition to each other.
@@ -76,16 +74,15 @@ class Belief:
         best of each kind with causes that have a place, which fitted alone would stand where the
         pattern acts. Each only if prior times evidence grows.
         """
-        nothing, every = self.fit_of(()), self._every(fine=True)
-        patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
+        patterns = {one.label: one for one in self.beside(self.hypotheses[()], fine=True)}
         ordered = sorted(patterns.values(), key=attrgetter("log_weight"))
         likely = {one.patterns[0].how: one for one in ordered} | {
             one.label: one for one in ordered[-LIKELY:-1]
         }
-        pairs = combined(ordered[-1], nothing, every)
+        pairs = self.beside(ordered[-1], fine=True)
         for ids in (ids for ids in self.listed if len(ids) == 1):
-            pairs += combined(self.hypotheses[ids], self.fit_of(ids), every)
-        placed = placed_causes(self.at)
+            pairs += self.beside(self.hypotheses[ids], fine=True)
+        nothing, placed = self.fit_of(()), placed_causes(self.at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
         alone = {label: one.log_weight for label, one in patterns.items()}
@@ -140,17 +137,12 @@ class Belief:
         return sum(self.unlisted.values())
 
     @cached_property
-    def answers(self) -> Mapping[Hashable, tuple[Ids, ...]]:
-        """Sets of causes by what they ask of a technician, the most probable first in each."""
-        by_remedy: dict[Hashable, tuple[Ids, ...]] = {}
-        for ids in filter(None, self.listed):
-            remedy = self.hypotheses[ids].remedy
-            by_remedy[remedy] = (*by_remedy.get(remedy, ()), ids)
-        return by_remedy
-
-    def answer_of(self, ids: Ids) -> tuple[Ids, ...]:
-        """The answer that a set belongs to."""
-        return self.answers[self.hypotheses[ids].remedy] if ids else (ids,)
+    def answers(self) -> Mapping[Ids, tuple[Ids, ...]]:
+        """Sets that ask the same of a technician as a set does, the most probable first."""
+        by_remedy: dict[Hashable, list[Ids]] = {}
+        for ids in self.listed:
+            by_remedy.setdefault(ids and self.hypotheses[ids].remedy, []).append(ids)
+        return {ids: tuple(alike) for alike in by_remedy.values() for ids in alike}
 
     def share(self, sets: Iterable[Ids]) -> float:
         """Probability of some sets of causes together."""
@@ -164,8 +156,7 @@ class Belief:
         """
         first, second = (self.fits.get(one, self.hypotheses[one]) for one in (ids, part))
         gain = first.log_evidence - second.log_evidence
-        if isinstance(first, Fit) and isinstance(second, Fit):
-            units = unit_of(first.effects), unit_of(second.effects)
-            if units == (1.0, 1.0):
-                gain = min(gain, first.log_likelihood - second.log_likelihood)
+        fits = [self.fits[one] for one in (ids, part) if one in self.fits]
+        if len(fits) == 2 and all(unit_of(fit.effects) == 1.0 for fit in fits):
+            gain = min(gain, fits[0].log_likelihood - fits[1].log_likelihood)
         return gain

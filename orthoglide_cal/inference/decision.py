@@ -1,8 +1,7 @@
 """Decision: what to say of a machine, by least expected loss.
 
 A technician is told that nothing is wrong, a name, several answers that are left open, or that no
-listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
-is in `losses`. No probability is compared with a number of its own.
+listed cause explains the data, each weighed by what it costs if it is wrong: see `losses`.
 """
 
 import math
@@ -75,10 +74,7 @@ class Decision(Belief):
     refuted: Reason | None = None
 
     def scaled(self, factor: float) -> Self:
-        """The same data and patterns with the plausible sizes of all causes multiplied.
-
-        Of several wrong readings the same.
-        """
+        """The same data, patterns and several wrong readings; all plausible sizes multiplied."""
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
         wrong = max(self.hypotheses.values(), key=attrgetter("log_weight")).wrong_readings
         anew = score_all(at, wrong if len(wrong) > 1 else ())
@@ -129,13 +125,11 @@ class Decision(Belief):
         accepted cause, may make it a wrong name.
         """
         accepted = self.accepted
-        if self.verdict is Verdict.UNEXPLAINED:
-            return True
         if not accepted:
-            return False
+            return self.verdict is Verdict.UNEXPLAINED
         if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
             return True
-        patterns = (*self.patterned.values(), *self.beside(accepted))
+        patterns = (*self.patterned.values(), *self.beside(self.hypotheses[accepted]))
         likeliest = max(one.log_weight for one in patterns) - self.log_weight[accepted]
         bearable = OPEN_ANSWER * self.something / self.listed[accepted]
         return likeliest > math.log(bearable / (WRONG_NAME + FALSE_RELEASE))
@@ -148,7 +142,8 @@ class Decision(Belief):
         miss it costs more than to look for it in vain.
         """
         listed = self.listed
-        answer = max(self.answers.values(), key=self.share, default=((),))
+        answers = (answer for ids, answer in self.answers.items() if ids)
+        answer = max(answers, key=self.share, default=((),))
         # Of sets that are nearly as probable one of the record: whatever spoiled a reading, it is
         # wrong, and to look for a knock in vain costs more.
         least = listed[answer[0]] * MISSED_FAULT / NEEDLESS_HOLD
@@ -173,7 +168,7 @@ class Decision(Belief):
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
-        listed, answer = self.listed, self.answer_of(ids)
+        listed, answer = self.listed, self.answers[ids]
         least = DISMISSED * listed[ids]
         return tuple(other for other in answer if other != ids and listed[other] >= least)
 
@@ -217,7 +212,7 @@ class Decision(Belief):
 
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Return whether to look for what a set adds to a part of it costs more than to miss it."""
-        both, alone = (self.share(self.answer_of(one)) for one in (ids, part))
+        both, alone = (self.share(self.answers[one]) for one in (ids, part))
         return both * MISSED_FAULT < self.white.machine.needless_hold * alone
 
     @property

@@ -85,20 +85,19 @@ class NoiseGrid(ReadOnly):
 
         If nobody stated that there is one, it is as likely that there is none.
         """
-        if texture is not None:
-            assumed = texture.assumed
-            ratio = -0.5 * (np.log(_PROBE_RATIO) / PROBE_SPREAD[assumed]) ** 2
-            size = -0.5 * (np.log(_ROUGH) / ROUGH_SPREAD[assumed]) ** 2
-            sizes, size = _ROUGH, size - log_sum(size)
-            if assumed:
-                sizes = np.append(sizes, 0.0)
-                size = np.append(size + math.log(1.0 - SMOOTH), math.log(SMOOTH))
-            weight = np.add.outer(ratio - log_sum(ratio), size)
-            sigma = np.broadcast_to(stated_mm * _PROBE_RATIO[:, None], weight.shape)
-            scale_factor = np.broadcast_to(sizes, weight.shape)
-            return cls(sigma.reshape(-1), weight.reshape(-1), texture, scale_factor.reshape(-1))
-        weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
-        return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
+        if texture is None:
+            weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
+            return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
+        assumed, sizes = texture.assumed, _ROUGH
+        ratio = -0.5 * (np.log(_PROBE_RATIO) / PROBE_SPREAD[assumed]) ** 2
+        size = -0.5 * (np.log(sizes) / ROUGH_SPREAD[assumed]) ** 2
+        size -= log_sum(size)
+        if assumed:
+            sizes = np.append(sizes, 0.0)
+            size = np.append(size + math.log(1.0 - SMOOTH), math.log(SMOOTH))
+        weight = np.add.outer(ratio - log_sum(ratio), size).reshape(-1)
+        sigma = np.repeat(stated_mm * _PROBE_RATIO, len(sizes))
+        return cls(sigma, weight, texture, np.tile(sizes, len(ratio)))
 
     @cached_property
     def stated(self) -> float:
@@ -107,10 +106,9 @@ class NoiseGrid(ReadOnly):
 
     def wider(self, factors: Floats) -> NoiseGrid:
         """The same of noise that is larger by each factor (f,), one after the other, (f·g,)."""
-        sigma = np.outer(factors, self.sigma).reshape(-1)
-        times = len(factors)
-        scale = None if self.scale_factor is None else np.tile(self.scale_factor, times)
-        return NoiseGrid(sigma, np.tile(self.log_weight, times), self.texture, scale)
+        sigma, times, scale = np.outer(factors, self.sigma), len(factors), self.scale_factor
+        scale = None if scale is None else np.tile(scale, times)
+        return NoiseGrid(sigma.reshape(-1), np.tile(self.log_weight, times), self.texture, scale)
 
     @cached_property
     def by_ratio(self) -> Sequence[tuple[float, Ints | slice]]:

@@ -219,13 +219,11 @@ def repeats(white: Whitened, later: Later | None = None) -> float | None:
 
     What calibrated parameters leave of the touches of each date; None for few, or of one date.
     """
+    touched = (data for data in (white, later and later.white) if data and data.plan.touches.any())
     maps = [
-        (place[dated], left[dated], jacobian[dated])
-        for white_data in (white, *([later.white] if later else ()))
-        if white_data.plan.touches.any()
-        for place, left, jacobian, date in (_touches(white_data),)
+        [values[date == day] for values in (place, left, jacobian)]
+        for place, left, jacobian, date in map(_touches, touched)
         for day in np.unique(date)
-        for dated in (date == day,)
     ]
     correlations = []
     for (place, left, _), (there, after, then) in pairwise(maps):

@@ -245,7 +245,7 @@ class TrendFit:
         sizes = (np.full(len(part.subset), part.size) for part in parts)
         self._prior = np.concatenate([np.full(len(scatter), FREE), common, *sizes])
         both = (data.values - centre)[..., None], columns
-        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit))
+        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit)[None])
         self._values, self._columns = values.reshape(-1), white.reshape(-1, len(self._prior))
         density = Gaussian(self._columns, self._prior[None], UNIT).by_noise(self._values)
         self.log_evidence = float(density[0, 0] - 0.5 * np.linalg.slogdet(self.spread)[1].sum())
@@ -360,8 +360,6 @@ def decide_trends(data: DatedValues) -> tuple[Trend, float, Trends, Trends, Tren
         rivals = tuple(trend for trend in (verdict, *rivals) if trend is not Trend.CHANGED)
         verdict = Trend.CHANGED
     _, *others = best = next(trends for trends in belief if trends[0] is verdict)
-    absent = {
-        trend: sum(p for trends, p in belief.items() if trend not in trends) for trend in others
-    }
-    also = tuple(trend for trend in others if is_dismissed(absent[trend], WRONG_STORY))
+    absent = (sum(p for trends, p in belief.items() if one not in trends) for one in others)
+    also = tuple(one for one, p in zip(others, absent, strict=True) if is_dismissed(p, WRONG_STORY))
     return verdict, min(share[verdict], 1.0), rivals, also, weighed[best][1]

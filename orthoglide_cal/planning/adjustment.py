@@ -140,10 +140,10 @@ def _adjustments(diagnosis: Diagnosis, measured: Plan, effect: Effect) -> Iterat
         # As well as the gauge sees it: how well a parameter is known is not how far it is pushed.
         unsure = float(noise / abs(slope[here] * effect.theta[parameter]))
         sizes = [(cause.id, name, size.unit, size.value)] if cause.id in CAUSES else []
-        everything = [c for leg in range(3) for c in machine.adjusting_cells(leg, measured)]
-        whole = cells[0].planned(everything)
-        for at, unit, moved in _moved(now, fit.offsets, whole, alone, cause, parameter):
-            sizes.append((HOME_SWITCH.id, at, unit, moved * float(effect.theta[parameter])))
+        whole = [cell for leg in range(3) for cell in machine.adjusting_cells(leg, measured)]
+        moves = _moved(now, fit.offsets, cells[0].planned(whole), alone, cause, parameter)
+        theta = float(effect.theta[parameter])
+        sizes += [(HOME_SWITCH.id, at, unit, moved * theta) for at, unit, moved in moves]
         _, _, root = expect(fit, diagnosis.model, plan)
         # The adjustment may stop at U from its aim, which the check shows, too.
         stop = abs(slope[there] / slope[here] - 1.0) * expanded

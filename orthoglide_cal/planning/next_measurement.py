@@ -358,26 +358,21 @@ def predictions(
         plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}
         plan, spans = _together(first, [*plans.values()])
         stay = first if continues else None
-        expected = [expect(fit, model, plan, first, continues) for _, fit in weighted]
+        explained = [(*pair, expect(pair[1], model, plan, first, continues)) for pair in weighted]
         for (k, new), span in zip(plans.items(), spans, strict=True):
-            predicted[k] = _combined(weighted, expected, span, new, stay)
+            predicted[k] = _combined(explained, span, new, stay)
     return [predicted[k] for k in range(len(choice))]
 
 
 def _combined(
-    weighted: Sequence[tuple[float, Fit]],
-    expected: Sequence[Expected],
-    new: slice,
-    plan: Plan,
-    stay: Plan | None,
+    explained: Sequence[tuple[float, Fit, Expected]], new: slice, plan: Plan, stay: Plan | None
 ) -> Mixture:
     """Combinations of new readings, `plan`, and the parameters behind them.
 
     No new gauge zero enters them, and their noise is independent of that of the first readings: in
     a new set-up deviations from its mean, in one that goes on from the mean of what was read there.
-    Only those count in which explanations can differ. `expected` holds the plan's at `new`.
+    Only those count in which explanations can differ. Those of the plan are expected at `new`.
     """
-    fits = [fit for _, fit in weighted]
 
     def free(values: Floats) -> Floats:
         """Values (n, c) in combinations without zeros, with unit noise, shape (m, c)."""
@@ -390,6 +385,7 @@ def _combined(
         noise = np.eye(len(mean)) + mean @ mean.T
         return whiten(noise, values[new] - mean @ values[: len(stay)])[0]
 
+    shares, fits, expected = zip(*explained, strict=True)
     means = free(np.column_stack([mean for mean, _, _ in expected]))
     roots = [free(root) for _, _, root in expected]
     columns = np.hstack((means[:, 1:] - means[:, :1], *roots))
@@ -399,19 +395,13 @@ def _combined(
     size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)
     kept = size2 > (UNSEEN * min(fit.sigma for fit in fits)) ** 2
     basis = vectors[:, kept] if m <= c else columns @ (vectors[:, kept] / np.sqrt(size2[kept]))
-    noise = np.repeat((1.0, 0.0), (basis.shape[1], fits[0].offsets.size))
-    both = [
-        np.vstack((basis.T @ spread, root[len(mean) :]))
-        for spread, (mean, _, root) in zip(roots, expected, strict=True)
-    ]
-    return Mixture(
-        np.hstack(((basis.T @ means).T, np.stack([fit.offsets for fit in fits])))[..., None],
-        np.stack([
-            root @ root.T + fit.sigma**2 * np.diag(noise)
-            for root, fit in zip(both, fits, strict=True)
-        ]),
-        np.log([[share] for share, _ in weighted]),
-    )  # fmt: skip
+    noise = np.diag(np.repeat((1.0, 0.0), (basis.shape[1], fits[0].offsets.size)))
+    covariances = []
+    for spread, fit, (mean, _, root) in zip(roots, fits, expected, strict=True):
+        both = np.vstack((basis.T @ spread, root[len(mean) :]))
+        covariances.append(both @ both.T + fit.sigma**2 * noise)
+    values = np.hstack(((basis.T @ means).T, [fit.offsets for fit in fits]))
+    return Mixture(values[..., None], np.stack(covariances), np.log(shares)[:, None])
 
 
 def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[slice]]:

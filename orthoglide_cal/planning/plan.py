@@ -55,15 +55,10 @@ from orthoglide_cal.words import counted
 
 # Repeats that are shown in addition to those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
+_DIFFERENCES = Method.TWELVE, Method.TWELVE_LINEAR, Method.SIX, Method.SIX_LINEAR
 # Every method that can be fed with the readings of a protocol.
 METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = {
-    MeasuringProtocol.DOUBLE: (
-        Method.READINGS,
-        Method.TWELVE,
-        Method.TWELVE_LINEAR,
-        Method.SIX,
-        Method.SIX_LINEAR,
-    ),
+    MeasuringProtocol.DOUBLE: (Method.READINGS, *_DIFFERENCES),
     MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
     MeasuringProtocol.BEST: (Method.READINGS,),
 }
@@ -272,16 +267,11 @@ def separations(
     asked = (cause for cause in possible if among is None or cause.id in among)
     # Of the machine first, then of the measurement.
     causes = tuple(sorted(asked, key=lambda cause: ([*Stage].index(cause.stage), cause.id)))
-    columns = {
-        id: placed.patterns.patterns.columns(slice(None)).T[..., None]
-        for id, placed in extras.items()
-        if placed.patterns
-    }
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
         every = np.concatenate([one.columns for one in white.uncertain(points)], axis=-1)
         for offsets, carried in zip(points, every, strict=True):
-            total += _margins(white, offsets, causes, extras, columns, carried) / len(points)
+            total += _margins(white, offsets, causes, extras, carried) / len(points)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T)).tolist()
     ids = [cause.id for cause in causes]
     pairs = {(ids[b], ids[a]): sigma[a][b] for a in range(len(ids)) for b in range(a)}
@@ -295,19 +285,21 @@ def _margins(
     offsets: Floats,
     causes: Sequence[Cause],
     extras: Mapping[str, Placed],
-    columns: dict[str, Floats],
     carried: Floats,
 ) -> Floats:
     """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1).
 
     On a machine with these offsets, with what one plausible size of each influence adds to the
     whitened data, `carried` (k, u) [mm]. What offsets, zeros and influences imitate is taken out of
-    the readings. `columns` are of one unit of causes at one of many places, (places, n, 1).
+    the readings.
     """
     plan, machine, noise = white.plan, white.machine, white.machine.instrument.noise_mm
     broad = [cause for cause in causes if cause.id not in extras]
     readings, (slope, *slopes) = differentiate_absent(white.problem.model, offsets, plan, broad)
-    columns = columns | {c.id: one[None] for c, one in zip(broad, slopes, strict=True)}
+    # What one unit of each cause adds, at each place where it may be one of many, (places, n, p).
+    columns = {cause.id: one[None] for cause, one in zip(broad, slopes, strict=True)}
+    patterns = {id: placed.patterns.patterns for id, placed in extras.items() if placed.patterns}
+    columns |= {id: one.columns(slice(None)).T[..., None] for id, one in patterns.items()}
     contrasts = white.matrix @ np.eye(len(plan)) / noise
     leaves = unexplained(*whiten_shared(carried / noise, white.matrix @ slope, contrasts))
 
@@ -331,9 +323,7 @@ def _margins(
             unit = share = np.ones(added.shape[1])
         truths.append((added, unit, share / share.sum()))
     changes, units = (np.concatenate([t[k] for t in truths], axis=-1) for k in (0, 1))
-    left = leaves @ changes
-    steady = steadiness(units)
-    changed = readings + changes.T
+    left, steady, changed = leaves @ changes, steadiness(units), readings + changes.T
 
     def undone(cause: Cause, place: Place) -> Floats:
         """Cost of each change if this exchange is behind it, shape (r,)."""
@@ -382,13 +372,11 @@ def _plausible(cause: Cause, machine: Machine) -> Floats:
 
     Without their common sign, which changes no square, and terms smaller than the first.
     """
-    first = 1 if not cause.positive else len(cause.names)
-    others = product((1.0, -1.0), repeat=cause.freedom - first)
+    first = (1.0,) * (len(cause.names) if cause.positive else 1)
     small = (0.0,) * (cause.unknowns - cause.freedom)
-    signs = np.array([(*(1.0 for _ in range(first)), *rest, *small) for rest in others])
-    if cause.counts:
-        return signs * cause.millimetres(machine)
-    return signs * cause.prior_std(machine)
+    others = product((1.0, -1.0), repeat=cause.freedom - len(first))
+    signs = np.array([(*first, *rest, *small) for rest in others])
+    return signs * (cause.millimetres(machine) if cause.counts else cause.prior_std(machine))
 
 
 # --- the plan ---------------------------------------------------------------------------------
@@ -473,10 +461,7 @@ def measurement_plan(
         for protocol, methods in METHODS.items() if details else ():
             way = session.changed(protocol=protocol, order=Order.FEWEST_MOVES)
             compare += filter(None, map(partial(fewest_cycles, model, way, worst_mm), methods))
-    target = None
-    if target_mm is not None:
-        reached = chosen.worst_mm <= target_mm
-        target = Target(target_mm, reached, chosen.cycles if reached else None)
+    cycles = chosen.cycles if target_mm is not None and chosen.worst_mm <= target_mm else None
     pairs, trace = separations(model, plan)
     size = float(np.sqrt(np.mean(machine.linearization_points**2)))
     return MeasurementPlan(
@@ -488,7 +473,7 @@ def measurement_plan(
         protocol=chosen.name,
         gauges=session and session.stands,
         cycles=chosen.cycles,
-        target=target,
+        target=None if target_mm is None else Target(target_mm, cycles is not None, cycles),
         by_cycles=shown,
         noise_mm=machine.instrument.noise_mm,
         assumed_mm=size or None,

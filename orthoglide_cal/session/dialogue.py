@@ -943,7 +943,7 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
 def _setting_in(journal: Journal) -> Setting:
     """Machine, steps and earlier readings. Raises InputError."""
     path, opened, planned = str(journal.path), journal.state.opened, journal.state.planned
-    model = machine_file.machine_from_text(opened.machine, path)
+    model = machine_file.stored_machine(opened.machine, path).model
     if planned is None:
         steps = opened.session.steps(model.machine)
     else:
