@@ -55,33 +55,24 @@ class PatternCause(Cause):
         return self.added(readings, replace(effect, theta=-effect.theta), plan, machine)
 
 
-# A fault of the measurement is of one part, at the place (leg, direction) or (leg,). The first part
-# is not written: (0, 1) is leg x, direction y in part 0, (0, 1, 2) the same in part 2.
-
-
-def place_in(part: int, *where: int) -> Place:
-    """The place that means a leg, and a direction, in this part."""
-    return (*where, part) if part else where
+# A fault of the measurement is of one part, at the place (leg, direction, part) or (leg, part).
 
 
 def series_places(plan: GaugePlan) -> tuple[Place, ...]:
     """One place for each (leg, direction) that was read, in each part."""
     places = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
-    return tuple(place_in(part, *series) for part, series in places)
+    return tuple((*series, part) for part, series in places)
 
 
-def _part(place: Place, width: int) -> int:
-    """The part of a place that begins with `width` indices; the first is not written."""
-    return place[width] if len(place) > width else 0
+def there(plan: GaugePlan, place: Place) -> Bools:
+    """Which readings are at such a place, shape (n,)."""
+    *where, part = place
+    same = np.stack((plan.leg, plan.direction), axis=1)[:, : len(where)] == where
+    return np.asarray(same.all(axis=1) & (plan.part == part))
 
 
-def there(plan: GaugePlan, place: Place, width: int = 2) -> Bools:
-    """Which readings are at a place that begins with `width` indices, shape (n,)."""
-    same = np.stack((plan.leg, plan.direction), axis=1)[:, :width] == place[:width]
-    return np.asarray(same.all(axis=1) & (plan.part == _part(place, width)))
-
-
-def words_of(plan: GaugePlan, place: Place, width: int = 2) -> str:
+def words_of(plan: GaugePlan, place: Place) -> str:
     """Such a place for people: "leg x, direction y"; with the part where the plan has several."""
-    where = Series(*place[:2]).words if width == 2 else f"leg {AXES[place[0]]}"
-    return where + plan.part_words(_part(place, width))
+    *where, part = place
+    words = Series(*where).words if len(where) > 1 else f"leg {AXES[where[0]]}"
+    return words + plan.part_words(part)

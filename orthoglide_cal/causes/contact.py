@@ -1,7 +1,9 @@
 """Faults of what gauges and probes touch, of their stands, and of a bed."""
 
 import math
+from collections import Counter
 from copy import copy
+from itertools import product
 from types import MappingProxyType
 from typing import Self
 
@@ -97,20 +99,17 @@ class StandShift(PatternCause):
         return () if will_show or len(again) > 1 else again
 
 
-def _zernike(name: str) -> dict[tuple[int, int], float]:
+def _zernike(name: str) -> dict[tuple[int, int], int]:
     """Powers of x and y → coefficient, of Zernike's polynomial "z4_-2": degree 4, angle −2; without
     height and tilt, which are the endstops'."""
     n, m = map(int, name[1:].split("_"))
-    coefficients: dict[tuple[int, int], float] = {}
+    coefficients = Counter[tuple[int, int]]()
     for k in range((n - abs(m)) // 2 + 1):
-        below = (k, (n + abs(m)) // 2 - k, (n - abs(m)) // 2 - k)
-        radial = (-1) ** k * math.factorial(n - k) / math.prod(map(math.factorial, below))
-        rest = (n - 2 * k - abs(m)) // 2  # r^(n−2k) cos mφ = (x² + y²)^rest · Re (x + iy)^m
-        for p in range(rest + 1):
-            for q in range(m < 0, abs(m) + 1, 2):
-                sign = math.comb(rest, p) * math.comb(abs(m), q) * (-1) ** (q // 2)
-                powers = 2 * (rest - p) + abs(m) - q, 2 * p + q
-                coefficients[powers] = coefficients.get(powers, 0.0) + radial * sign
+        rest = (n - abs(m)) // 2 - k  # r^(n−2k) cos mφ = (x² + y²)^rest · Re (x + iy)^m
+        radial = (-1) ** k * math.comb(n - k, k) * math.comb(n - 2 * k, rest)
+        for p, q in product(range(rest + 1), range(m < 0, abs(m) + 1, 2)):
+            sign = math.comb(rest, p) * math.comb(abs(m), q) * (-1) ** (q // 2)
+            coefficients[2 * (rest - p) + abs(m) - q, 2 * p + q] += radial * sign
     return {powers: value for powers, value in coefficients.items() if sum(powers) > 1}
 
 
@@ -143,7 +142,7 @@ class _Surface(Cause):
 
     def __init__(self) -> None:
         terms = [
-            _zernike(name) if name[0] == "z" else {(name.count("x"), name.count("y")): 1.0}
+            _zernike(name) if name[0] == "z" else {(name.count("x"), name.count("y")): 1}
             for name in self.names
         ]
         self._powers = sorted({powers for term in terms for powers in term})

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.causes.base import PatternCause, place_in, series_places, there, words_of
+from orthoglide_cal.causes.base import PatternCause, series_places, there, words_of
 from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -174,15 +174,15 @@ class SwappedGauges(ExchangeCause):
     id = "swapped_gauges"
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
-        legs = (place_in(part, leg) for part in range(plan.parts) for leg in range(3))
-        return tuple(at for at in legs if np.unique(plan.direction[there(plan, at, 1)]).size == 2)
+        legs = ((leg, part) for part in range(plan.parts) for leg in range(3))
+        return tuple(at for at in legs if np.unique(plan.direction[there(plan, at)]).size == 2)
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
-        return words_of(plan, place, 1)
+        return words_of(plan, place)
 
     def really(self, plan: GaugePlan, place: Place) -> tuple[Ints, Ints]:
         other = 3 - plan.leg - plan.direction
-        return plan.leg, np.where(there(plan, place, 1), other, plan.direction)
+        return plan.leg, np.where(there(plan, place), other, plan.direction)
 
 
 class ExchangedColumns(ExchangeCause):

@@ -58,17 +58,16 @@ class Contribution(Schema):
 
     @classmethod
     def of(
-        cls, source: str, covariance: Floats, size: float | None, unit: str, **more: Any
+        cls, source: str, moved: Floats, size: float | None = None, unit: str = "", **more: Any
     ) -> Self:
-        """Covariance (p, p) of a source, of type B unless `more` says otherwise."""
+        """By how much one σ of each unknown of a source moves the parameters, (p, q); of type B."""
         fields: dict[str, Any] = {"type": "B", "size": size, "unit": unit, **more}
-        return cls(source=source, covariance_mm2=read_only(covariance), **fields)
+        return cls(source=source, covariance_mm2=read_only(moved @ moved.T), **fields)
 
     @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Self:
         """Remainder of a covariance (p, p) besides other sources; never negative."""
-        root = root_of(covariance)
-        return cls.of(source, root @ root.T, None, "", possible=possible)
+        return cls.of(source, root_of(covariance), possible=possible)
 
     @computed_field(description="what it adds to each parameter's std")
     @property
@@ -132,31 +131,28 @@ def budget_of(
 
     Args:
         estimator: what a small change of each reading does to the offsets, shape (3, n).
-        gauge: its resolution, and its stated repeatability where the readings have no scatter.
         scatter: of one reading, as found; None takes what is stated of the gauge.
         uncertain: what acts on the readings in addition to noise.
         precision: of each reading, as of a `Plan`, shape (n,).
     """
-    unit = (estimator / precision) @ (estimator / precision).T
-    rounding2 = gauge.rounding_mm**2
+    moved, rounding = estimator / precision, gauge.rounding_mm
     evaluation, noise2, dof, dof_of_rounding = "B", gauge.repeatability_mm**2, math.inf, math.inf
     if scatter is not None:
-        evaluation, noise2 = "A", max(scatter.sigma_mm**2 - rounding2, 0.0)
+        evaluation, noise2 = "A", max(scatter.sigma_mm**2 - rounding**2, 0.0)
         # The scatter holds the rounding, too; what is left of it is known no better. Rounding in
         # place of a smaller scatter is known no better than that.
         if noise2 > 0.0:
             dof = scatter.dof * (noise2 / scatter.sigma_mm**2) ** 2
         else:
             dof_of_rounding = scatter.dof
-    size, rounding = math.sqrt(noise2), gauge.rounding_mm
+    size, of = math.sqrt(noise2), Contribution.of
     parts = [
-        Contribution.of(Origin.NOISE, noise2 * unit, size, "mm", type=evaluation, dof=dof),
-        Contribution.of(Origin.RESOLUTION, rounding2 * unit, rounding, "mm", dof=dof_of_rounding),
+        of(Origin.NOISE, size * moved, size, "mm", type=evaluation, dof=dof),
+        of(Origin.RESOLUTION, rounding * moved, rounding, "mm", dof=dof_of_rounding),
     ]
     for one in uncertain:
-        moved, assumed = estimator @ one.columns, one.assumed
-        share = Contribution.of(one.source, moved @ moved.T, one.size, one.unit, assumed=assumed)
-        parts.append(share)
+        shift = estimator @ one.columns
+        parts.append(of(one.source, shift, one.size, one.unit, assumed=one.assumed))
     return Budget(tuple(parts))
 
 
@@ -175,18 +171,14 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
         return ()
     kelvin = abs(mean_c - REFERENCE_C)
     std = EXPANSION_PER_K * length_mm * kelvin / math.sqrt(3.0)
-    covariance = np.full((len(AXES), len(AXES)), std**2)
-    return (Contribution.of(Origin.TEMPERATURE, covariance, kelvin, "K"),)
-
-
-# What readings hold besides noise that nobody knows exactly, and hardly any reading shows: sets of
-# unknowns of plausible size. They are unknowns of every fit, as the gauges' zeros are.
+    return (Contribution.of(Origin.TEMPERATURE, np.full((len(AXES), 1), std), kelvin, "K"),)
 
 
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    """All that act on n readings, at offsets Δρ (..., 3) [mm]; their columns are (..., n, p).
+    """Unknowns of plausible size in n readings besides noise; hardly any reading shows them.
 
-    Machine and gauge give the sizes, accepted causes their own uncertainty.
+    They are unknowns of every fit, as the gauges' zeros are. At offsets Δρ (..., 3) [mm], of
+    columns (..., n, p); machine and gauge give the sizes, accepted causes their own uncertainty.
     """
     return _influences(model, offsets.shape, offsets.tobytes(), plan)
 

@@ -25,21 +25,14 @@ TINY = 1e-12  # a variance of log odds
 def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
     """R⁻¹ v with S = R Rᵀ: values in units of independent noise.
 
-    S of shape (..., k, k), values each (k,) or (..., k, q). Raises numpy.linalg.LinAlgError: S is
-    not positive definite.
+    S of shape (..., k, k), values each (..., k, q), of one S also (k,). Raises
+    numpy.linalg.LinAlgError: S is not positive definite.
 
     >>> whiten(np.diag([4.0, 9.0]), np.array([2.0, 6.0]))
     (array([1., 2.]),)
     """
     root = np.linalg.cholesky(covariance)
-    columns = [one[:, None] if one.ndim == 1 else one for one in values]
-    shape = np.broadcast_shapes(*(one.shape[:-2] for one in (root, *columns)))
-    whole = [np.broadcast_to(one, (*shape, *one.shape[-2:])) for one in columns]
-    white = np.linalg.solve(root, np.concatenate(whole, axis=-1))
-    parts = np.split(white, np.cumsum([one.shape[-1] for one in columns])[:-1], axis=-1)
-    return tuple(
-        part[..., 0] if one.ndim == 1 else part for one, part in zip(values, parts, strict=True)
-    )
+    return tuple(np.linalg.solve(root, value) for value in values)
 
 
 def shrinking(columns: Floats) -> tuple[Floats, Floats]:

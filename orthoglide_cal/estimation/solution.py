@@ -15,9 +15,6 @@ six-linear        eq. 17, pseudoinverse              max − min
 twelve-linear     eq. 16, pseudoinverse              max − iso, min − iso
 six, twelve       eq. 25, nonlinear least squares on the same differences
 readings          all raw readings at once, one unknown zero per gauge set-up
-
-A solution says whether the data determine the offsets and the model fits. The promise is what the
-gauges will read once these are entered; it is computed here and only here.
 """
 
 from __future__ import annotations
@@ -78,9 +75,6 @@ NEGLIGIBLE = 1e-6
 SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
-
-
-# --- contrasts: combinations of readings, weighted by their precision -----------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +165,6 @@ def without_zeros(plan: Plan, values: Floats) -> Floats:
     return np.asarray(values - (values @ zeros) @ zeros.T)
 
 
-# --- the problem ----------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class Problem(ReadOnly):
     """One estimation problem; many data sets may share it."""
@@ -221,10 +212,7 @@ class Problem(ReadOnly):
         return read_only(predicted), read_only(jacobian)
 
     def covariance(self) -> Floats:
-        """R Rᵀ: covariance of the data for unit variance of a common reading (eqs. 28, 31), (k, k).
-
-        Of differences: contrasts are independent.
-        """
+        """R Rᵀ: covariance of differences for unit variance of a reading (eqs. 28, 31), (k, k)."""
         return self.spread(np.eye(len(self.matrix)))
 
     def spread(self, estimator: Numbers) -> Floats:
@@ -303,12 +291,7 @@ class LeastSquaresFit(ReadOnly):
 
     offsets_mm: Floats  # (..., 3)
     residuals_mm: Floats  # d − R·h, (..., k)
-    remaining: Floats  # as of `Problem.remaining`, before the last short step, (...)
-
-    @property
-    def converged(self) -> np.ndarray:
-        """True where nothing is left of the step, shape (...); a NaN is no."""
-        return np.asarray(self.remaining <= OPTIMAL)
+    converged: Bools  # where nothing is left of the step, as of `Problem.remaining`, (...)
 
 
 # What fails on the way shows as NaN and is refused there; warnings would say nothing more.
@@ -322,10 +305,9 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
     count, width = len(flat), len(problem.model.machine.parameter_names)
     first = np.zeros((1, width)) if start is None else start.reshape(-1, width)
-    if start is None:
-        model, slope = problem.at_zero
-    else:
-        model, slope = problem.predict_with_jacobian(first, strict=False)
+    model, slope = (
+        problem.at_zero if start is None else problem.predict_with_jacobian(first, strict=False)
+    )
     offsets = np.broadcast_to(first, (count, width)).copy()
     jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
     residual, damping = flat - model, np.zeros(count)
@@ -357,12 +339,8 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     last = np.where(left <= SHORT_STEP, step.T, 0.0).T
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
-    return LeastSquaresFit(
-        offsets.reshape(*batch, width), residual.reshape(data.shape), left.reshape(batch)
-    )
-
-
-# --- methods --------------------------------------------------------------------------------------
+    converged = (left <= OPTIMAL).reshape(batch)
+    return LeastSquaresFit(offsets.reshape(*batch, width), residual.reshape(data.shape), converged)
 
 
 class Method(StrEnum):
@@ -389,10 +367,8 @@ class Method(StrEnum):
     def estimator(self, problem: Problem) -> Floats:
         """M of a linear method, Δρ = M d with the Jacobian J at zero offsets, shape (3, k).
 
-        (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11).
-
-        Raises:
-            UnusableResultError: eq. (11) lacks one of its six differences.
+        (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11); raises
+        UnusableResultError: this lacks one of its six differences.
         """
         jacobian = problem.at_zero[1]
         if self is Method.SINGLE_SEQUENTIAL:
@@ -403,20 +379,17 @@ class Method(StrEnum):
 def choose_method(measured: Measured, name: str | None) -> Method:
     """The method asked for, or the default for this kind of data.
 
-    Raises:
-        UsageError: unknown name, or a method that these data cannot feed.
+    Raises UsageError: unknown name, or a method that these data cannot feed.
     """
     if name is None:
         return Method(measured.kind)
-    if name not in list(Method):
-        raise UsageError(f"There is no method {name!r}.", f"Choose one of {', '.join(Method)}.")
     usable = [method for method in Method if method.uses in measured.kinds]
-    if name not in usable:
-        raise UsageError(
-            f"Method {name} cannot use data of the kind {measured.kind}.",
-            f"Choose one of {', '.join(usable)}.",
-        )
-    return Method(name)
+    if name in usable:
+        return Method(name)
+    fault = f"There is no method {name!r}."
+    if name in list(Method):
+        fault = f"Method {name} cannot use data of the kind {measured.kind}."
+    raise UsageError(fault, f"Choose one of {', '.join(usable)}.")
 
 
 def table_kind(measured: Measured) -> DataKind:
@@ -467,12 +440,9 @@ def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
 
         Δρ_z = (Δz_x0 + Δz_y0)/2,  Δρ_i = Σ_k a_k (Δz_i^k − Δρ_z)/Σ_k a_k²,  k = max, min
 
-    These are three weighted sums W d = W J Δρ of the differences, solved for the offsets. Written
-    so, it also holds where accepted causes couple the isotropic differences with Δρ_x and Δρ_y.
-
-    Args:
-        jacobian: Jacobian at zero offsets, shape (6, 3).
-        which: the differences of its rows.
+    These are three weighted sums W d = W J Δρ of the differences, J of shape (6, 3) at zero
+    offsets, solved for the offsets. Written so, it also holds where accepted causes couple the
+    isotropic differences with Δρ_x and Δρ_y.
     """
     needed = DIFFERENCES[DataKind.SINGLE]
     missing = [difference.name for difference in needed if difference not in which]
@@ -490,9 +460,6 @@ def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
     return np.asarray(np.linalg.solve(weights @ jacobian, weights), dtype=np.float64)
 
 
-# --- whether data determine the offsets -----------------------------------------------------------
-
-
 def _free_directions(matrix: Floats, scale: float) -> Floats:
     """Offset directions that the rows of the matrix (k, 3) do not see, shape (m, 3)."""
     # Not fewer rows than columns: each direction has a singular value.
@@ -503,10 +470,7 @@ def _free_directions(matrix: Floats, scale: float) -> Floats:
 
 @functools.lru_cache(maxsize=8)
 def require_rank(problem: Problem) -> None:
-    """Refuse data that do not determine all offsets.
-
-    Raises UnusableResultError, with the offsets and the readings that fix it.
-    """
+    """Raise UnusableResultError if data do not determine all offsets, with readings that would."""
     matrix = problem.at_zero[1]
     free = _free_directions(matrix, float(np.abs(matrix).max(initial=0.0)) or 1.0)
     if len(free):
@@ -563,9 +527,6 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
         chosen.append(f"{series.words}, {where}")
         matrix = np.vstack((matrix, sensitivity[best]))
     raise UnusableResultError(fault, f"Add readings of {'; '.join(chosen)}.")
-
-
-# --- the solution ---------------------------------------------------------------------------------
 
 
 def rms(values: Floats) -> float:
@@ -678,21 +639,15 @@ class Solution(OffsetEstimate):
 def solve(
     measured: Measured, model: Model, method: str | None = None, offsets: Floats | None = None
 ) -> Solution:
-    """Identify the joint offsets.
+    """Identify the joint offsets by a method of this name; None: the default of such data.
 
     All readings at once are weighted by what is uncertain of them in addition to noise, such as
-    where along its leg each gauge stands; the paper's methods are as the paper has them.
+    where along its leg each gauge stands; the paper's methods are as the paper has them. `offsets`
+    fit all readings best without those weights, shape (3,) [mm]; None: they are searched for.
 
-    Args:
-        measured, model: the data, and what they are of.
-        method: name of an estimator; the default for this kind of data if None.
-        offsets: those that fit all readings best without those weights, shape (3,) [mm]; they are
-            searched for if None.
-
-    Raises:
-        UsageError: the method does not exist or cannot use these data.
-        UnusableResultError: the data do not determine the offsets, with what to add; no optimum was
-            found; no machine has these offsets; or nobody knows what they are added to.
+    Raises UsageError: the method does not exist or cannot use these data. UnusableResultError: the
+    data do not determine the offsets, with what to add; no optimum was found; no machine has these
+    offsets; or nobody knows what they are added to.
     """
     require_settings(measured)
     chosen = choose_method(measured, method)
@@ -801,11 +756,9 @@ def promise(
     and of what the change depends on.
 
     Args:
-        measured, known: the data, and what is known of the machine.
         entered: added to the controller's offsets, shape (3,) [mm].
+        right: the data without faults that will not return, such as a misreading; None: the same.
         corrected: what the controller does from then on against causes, besides the offsets.
-        right: the data without faults that will not return, such as a misreading; None if there
-            are none.
         unsure_mm: standard deviation of each reading besides its noise, shape (n,).
     """
     if all(kind is DataKind.READINGS for kind in measured.kinds):

@@ -707,6 +707,11 @@ def diagnose(
 
     Raises UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """
+
+    def otherwise(factor: float) -> Otherwise:
+        scaled = diagnosis.scaled(factor).settled()
+        return Otherwise(verdict=scaled.verdict, ids=scaled.accepted)
+
     diagnosis, machine, remarks = decided(measured, model), model.machine, list[Reason]()
     white, nothing, accepted = diagnosis.white, diagnosis.fit_of(()), diagnosis.fit
     wrong = accepted.wrong_readings
@@ -745,10 +750,7 @@ def diagnose(
             errors = {"parameters_mm": before_mm, "extension_mm": after_mm, "repeats": again}
             baseline = Baselines(**errors, **baselines(white, later))
     if sensitivity and diagnosis.verdict is not Verdict.CONSISTENT:
-        scaled = {name: diagnosis.scaled(factor).settled() for name, factor in SCALED.items()}
-        changes = MappingProxyType(
-            {name: Otherwise(verdict=one.verdict, ids=one.accepted) for name, one in scaled.items()}
-        )
+        changes = MappingProxyType({name: otherwise(by) for name, by in SCALED.items()})
     if not (held_out or changes or remarks):
         return diagnosis  # with all that was worked out of it
     return replace(

@@ -58,7 +58,7 @@ ENOUGH = 2
 MISFIT = surprising(UNLISTED / (ONE_CAUSE + TWO_CAUSES), OPEN_ANSWER, NEEDLESS_HOLD)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Fit(ReadOnly):
     """An explanation at its best fit.
 
@@ -73,8 +73,8 @@ class Fit(ReadOnly):
     # See `Hypothesis`; how much likelier the data make it than the prior does that widths are
     # positive is part of it.
     log_evidence: float
-    log_positive: float  # that part
-    effects: tuple[Effect, ...]  # causes with their best parameters and own covariance
+    log_positive: float = 0.0  # that part
+    effects: tuple[Effect, ...] = ()  # causes with their best parameters and own covariance
     start: Floats  # offsets where it was linearised, shape (3,) [mm]
     covariance: Floats  # of all unknowns, shape (q, q), internal units
     slots: tuple[slice, ...]  # unknowns of each effect; none without a size, or with a known one
@@ -83,7 +83,7 @@ class Fit(ReadOnly):
     centre: Floats  # what they are before there are data, shape (q,): zero but for widths
     sizes: Floats  # their plausible sizes about that, shape (q,)
     sigma: float  # standard deviation of one reading under this explanation [mm]
-    scale_factor: float  # how many times as large as stated a local shape is
+    scale_factor: float = 1.0  # how many times as large as stated a local shape is
     uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
     seen: Floats  # what of it shows where it was linearised, shape (k, b) [mm]
     # That it was extended with; of each but more noise the unknowns come behind those of causes.
@@ -112,14 +112,11 @@ class Fit(ReadOnly):
         return tuple(effect.cause.id for effect in self.effects)
 
     def with_local_shape(self, scale_factor: float | None = None) -> Fit:
-        """The fit with a local shape that many times as large as stated; None: as these data say.
-
-        Few touches cannot tell it from a fault.
-        """
+        """The fit with a local shape so many times as large as stated; None: as these data say."""
         local = self.is_local
         if scale_factor is None:
             if np.count_nonzero(local) < ENOUGH * len(self.start):
-                return self
+                return self  # so few touches cannot tell it from a fault
             assert self.noise.scale_factor is not None
             shares = np.exp(self.by_noise - log_sum(self.by_noise))
             scale_factor = math.sqrt(shares @ self.noise.scale_factor**2)
@@ -247,14 +244,16 @@ class Fit(ReadOnly):
 
     def whitened(self, values: Floats) -> Floats:
         """Values (k,) or (k, q) in units of all that is uncertain, at the stated noise."""
-        return shrink(self._textured(values), *self._axes)
+        return shrink(self.textured(values), *self.axes)
 
     @cached_property
-    def _axes(self) -> tuple[Floats, Floats]:
-        axes, factors = shrinking(self._textured(self.scaled))
+    def axes(self) -> tuple[Floats, Floats]:
+        """Its unknowns among values that are independent but for them: see `shrinking`."""
+        axes, factors = shrinking(self.textured(self.scaled))
         return read_only(axes), read_only(factors)
 
-    def _textured(self, values: Floats) -> Floats:
+    def textured(self, values: Floats) -> Floats:
+        """Values (k,) or (k, q) in units of noise and of a local shape, at the stated noise."""
         sigma, texture = self.noise.stated, self.white.texture
         if texture is None:
             return np.asarray(values / sigma)
@@ -334,8 +333,6 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
         white=hypothesis.at.white,
         noise=at.noise,
         log_evidence=hypothesis.log_evidence,
-        log_positive=0.0,
-        effects=(),
         start=at.offsets[version],
         covariance=np.diag(sizes**2),
         slots=tuple(slice(*pair) for pair in pairwise(ends.tolist())),
@@ -344,7 +341,6 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
         centre=np.zeros(len(sizes)),
         sizes=sizes,
         sigma=at.noise.stated,
-        scale_factor=1.0,
         uncertain=uncertain,
         seen=seen,
     ).with_local_shape(scale_factor)
@@ -451,30 +447,28 @@ def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
     # What each printed difference adds to the whitened data, or each reading; of these
     # Wᵀ W = P (I − Z̃ Z̃ᵀ) P, with P how precise they are.
     entries = white.matrix if white.root is None else np.asarray(np.linalg.inv(white.root))
-    weight = white.weight
+    weight, unit = white.weight, np.ones(len(white.in_file))
     weighted = (entries.T @ (fit.unexpected - axes @ (axes.T @ fit.unexpected))) / weight
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    errors, square, alone = [], 0.0, 0.0
+    else:
+        unit = (entries**2).sum(axis=0)
+    errors, square, alone = list[Floats](), 0.0, 0.0
     together = np.zeros((taken.shape[1],) * 2)
     for block in blocks:
         mine, values = taken[block], weighted[block]
-        both, (size, rank) = np.column_stack((values, mine)), mine.shape
+        solved, (size, rank) = np.column_stack((values, mine)), mine.shape
         if size > rank:
-            inner = np.linalg.solve(np.eye(rank) - mine.T @ mine, mine.T @ both)
-            solved = np.asarray(both + mine @ inner)
+            inner = np.linalg.solve(np.eye(rank) - mine.T @ mine, mine.T @ solved)
+            solved += mine @ inner
         else:
-            unit = np.eye(size)
-            if not isinstance(entries, Contrasts):
-                unit = (entries.T @ entries)[np.ix_(block, block)]
-            solved = np.asarray(np.linalg.solve(unit - mine @ mine.T, both))
-        error, spread = solved[:, 0], solved[:, 1:]
-        errors.append(error)
-        square += float(error @ values) / fit.sigma**2
-        within = mine.T @ spread if size > rank else spread @ mine.T
+            solved[:] = np.linalg.solve(np.diag(unit[block]) - mine @ mine.T, solved)
+        errors.append(solved[:, 0])
+        square += float(solved[:, 0] @ values) / fit.sigma**2
+        within = mine.T @ solved[:, 1:]
         alone += float((within * within.T).sum())
-        together += mine.T @ spread
+        together += within
     errors_mm, chance = np.concatenate(errors), 1.0
     n = errors_mm.size
     if isinstance(entries, Contrasts):

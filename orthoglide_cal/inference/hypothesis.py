@@ -52,6 +52,50 @@ Bases = Sequence[tuple[Cause, ...]]
 Remedy = tuple[Ids, tuple[int, ...]]
 
 
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Columns of unit size in v shapes, (n, v, q) [mm]: b of each of g movers, zero elsewhere."""
+
+    movers: Bools  # readings of each, (g, n)
+    parts: Sequence[Floats]  # its columns at these, each (r, v, b)
+    number: Ints | None = None  # of the mover of each, (q,); None of what is no effect of a mover
+    parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of readings, shapes, and columns."""
+        shapes, columns = self.parts[0].shape[1:]
+        return self.movers.shape[1], shapes, columns * len(self.parts)
+
+    @property
+    def show(self) -> bool:
+        """True unless all are zero."""
+        return any(part.any() for part in self.parts)
+
+    def written(self, shapes: Sequence[int] | Ints, chosen: Bools | np.bool_) -> Floats:
+        """Some columns (q,) of some shapes, written out, (n, v, c)."""
+        places = zip(*np.divmod(np.flatnonzero(chosen), self.parts[0].shape[2]), strict=True)
+        columns = np.zeros((self.shape[0], len(shapes), np.count_nonzero(chosen)))
+        for number, (mover, part) in enumerate(places):
+            columns[self.movers[mover], :, number] = self.parts[mover][:, shapes, part]
+        return columns
+
+    def products(self, values: Floats) -> Floats:
+        """Cᵀ v of each shape C and values (n, p), shape (v, q, p)."""
+        pairs = zip(self.movers, self.parts, strict=True)
+        return np.concatenate([np.tensordot(p, values[mover], (0, 0)) for mover, p in pairs], 1)
+
+    def squares(self, weight: Floats) -> Floats:
+        """Cᵀ diag(w²) C of each shape C and weights (n,), shape (v, q, q)."""
+        _, v, q = self.shape
+        blocks = []
+        for mover, part in zip(self.movers, self.parts, strict=True):
+            weighed = weight[mover, None, None] * part
+            square = weighed[..., :, None] * weighed[..., None, :]
+            blocks.append(np.tensordot(self.movers[:, mover].astype(np.float64), square, 1))
+        return np.stack(blocks).transpose(2, 0, 3, 1, 4).reshape(v, q, q)
+
+
 class Shape(NamedTuple):
     """A shape of a pattern in the readings, with its probability.
 
@@ -72,9 +116,7 @@ class Pattern:
     how: str
     where: Where
     log_prior: float  # ln prior weight
-    columns: Floats  # of the how at any where, of unit size, in v shapes, (n, v, q) [mm]
-    mover: Ints | None  # number of the mover of each, (q,); None of what is no effect of a mover
-    parameters: Floats | None  # of each shape, (v,): its moment, time constant, or span
+    columns: Columns  # of the how at any where, in v shapes
     chosen: Bools  # which columns show here, and show nothing else, (v, q)
     sizes: Floats  # that are tried, (s,): in standard deviations of a reading, once scored in mm
     # Once it is scored: ln p of each shape and size up to a constant, (v, s), and by how much the
@@ -85,12 +127,13 @@ class Pattern:
     @cached_property
     def log_share(self) -> Floats:
         """ln weight of each shape, (v,): less if a listed cause makes it at a gauge."""
-        log, columns = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
-        if self.mover is not None and len(np.unique(self.mover[columns])) == 1:
+        log, chosen = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
+        number = self.columns.number
+        if number is not None and len(np.unique(number[chosen])) == 1:
             shapes = np.flatnonzero(self.chosen.any(axis=1))
-            some = max(AT_ONCE // (len(self.columns) * int(columns.sum())), 1)
+            some = max(AT_ONCE // (len(self.at.white) * int(chosen.sum())), 1)
             for part in (shapes[start : start + some] for start in range(0, len(shapes), some)):
-                made = self.columns[:, part][:, :, columns]
+                made = self.columns.written(part, chosen)
                 shown = self.at.white.matrix @ made.reshape(len(made), -1)
                 log[part] = LISTED * self.at.lists(shown.reshape(-1, *made.shape[1:]))
         return log
@@ -100,10 +143,10 @@ class Pattern:
         """The likeliest shapes."""
         share = np.exp(self.log_shape - log_sum(self.log_shape))
         best = np.argsort(-share, axis=None, kind="stable")[:SHAPES]
-        columns, chosen, parameters = self.columns, self.chosen, self.parameters
+        columns, chosen, parameters = self.columns, self.chosen, self.columns.parameters
         values = np.zeros(len(chosen)) if parameters is None else parameters
         return [
-            Shape(share[v, s], columns[:, v, chosen[v]], values[v], self.sizes[s])
+            Shape(share[v, s], columns.written([v], chosen[v])[:, 0], values[v], self.sizes[s])
             for v, s in zip(*np.unravel_index(best, share.shape), strict=True)
             if share[v, s] >= min(SHARE, share.max())
         ]

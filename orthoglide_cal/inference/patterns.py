@@ -23,13 +23,14 @@ import numpy as np
 from scipy.special import erf
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.estimation.gaussian import log_sum
+from orthoglide_cal.estimation.gaussian import log_sum, shrink
 from orthoglide_cal.estimation.solution import Contrasts, Reduction, rms, without_zeros, zero_free
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
+    Columns,
     Hypothesis,
     Pattern,
     Shape,
@@ -38,7 +39,7 @@ from orthoglide_cal.inference.hypothesis import (
 from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.model import NORMAL_K, Estimate
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where, altered
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, altered
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
 SIZES = np.array((5.0, 30.0))
@@ -62,18 +63,17 @@ _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment
 _Fits = Sequence[tuple[float, Fit]]
 
 
-# See `Pattern`: columns of unit size in v shapes (n, v, q) [mm], the number of the mover of each,
-# (q,), and parameters of the shapes, (v,).
-Columns = tuple[Floats, Ints | None, Floats | None]
-
-
 def _by_mover(plan: Plan, values: Floats, parameters: Floats | None = None) -> Columns:
     """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
     movers, shapes = plan.steps.movers, 1 if parameters is None else len(parameters)
-    wide = values.reshape(len(plan), shapes, 1, -1)
-    columns = movers.T[:, None, :, None] * wide
+    wide = values.reshape(len(plan), shapes, -1)
     number = np.repeat(np.arange(len(movers)), wide.shape[-1])
-    return columns.reshape(*wide.shape[:2], -1), number, parameters
+    return Columns(movers, [wide[mover] for mover in movers], number, parameters)
+
+
+def _everywhere(columns: Floats, number: Ints | None = None) -> Columns:
+    """Columns (n, v, q) that may act on all readings."""
+    return Columns(np.full((1, len(columns)), True), [columns], number)
 
 
 def _clock(plan: Plan) -> tuple[Floats, float]:
@@ -88,7 +88,8 @@ def _repeats(plan: Plan, fine: bool, _: Floats | None = None) -> Columns:
     """The same in each cycle."""
     columns = plan.returning
     # The first mover is part of nothing larger.
-    return columns[:, None], plan.movers[:, np.abs(columns).argmax(axis=0)].argmax(0), None
+    movers = plan.movers[:, np.abs(columns).argmax(axis=0)].argmax(axis=0)
+    return _everywhere(columns[:, None], movers)
 
 
 def _drifts(plan: Plan, fine: bool, periods: Floats | None = None) -> Columns:
@@ -142,7 +143,7 @@ def pattern_candidates(fit: Fit, *, fine: bool) -> list[list[Pattern]]:
         return _lags(white.plan, white.plain(predicted + moved), noise)
 
     columns = lags(0.0) if white.raw else None
-    for _ in range(ROUNDS * (fine and columns is not None and bool(columns[0].any()))):
+    for _ in range(ROUNDS * (fine and columns is not None and columns.show)):
         every = _candidates(at, columns, fine)
         lagging = [patterns for patterns in every if patterns[0].how == "hysteresis"]
         scores = scores_of(fit, lagging)
@@ -187,12 +188,12 @@ def _candidates(at: Linearised, lags: Columns | None, fine: bool) -> list[list[P
     share = math.log(UNLISTED / (len(every) + 1) / len(wheres))
     # More noise is no column: the readings that have it.
     several = selected.sum(axis=1) > 2
-    noise = selected.T[:, None].astype(np.float64), None, None
-    every["scatters"] = noise, np.diag(several)[:, None]
+    noise = selected.T[:, None].astype(np.float64)
+    every["scatters"] = _everywhere(noise), np.diag(several)[:, None]
     sizes = {"scatters": NOISIER[:: 1 if fine else 2]}
     candidates = [
         [
-            Pattern(at, how, wheres[k], share, *columns, chosen[k], sizes.get(how, SIZES))
+            Pattern(at, how, wheres[k], share, columns, chosen[k], sizes.get(how, SIZES))
             for k in np.flatnonzero(chosen.any(axis=(1, 2)))
         ]
         for how, (columns, chosen) in every.items()
@@ -218,25 +219,50 @@ def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
     return columns, _shown(zero_free(plan), plan, True, columns)
 
 
-def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools:
+def _shown(matrix: Reduction, plan: Plan, ordered: bool, columns: Columns) -> Bools:
     """Return which columns of a how show at each where and at no narrower, (w, v, q)."""
-    (columns, mover, _), (_, selected, covered) = made, _wheres(plan.steps, ordered)
-    n, v, q = columns.shape
-    if not 0 < q <= MOST_COLUMNS or not columns.any():
+    _, selected, covered = _wheres(plan.steps, ordered)
+    _, v, q = columns.shape
+    if not 0 < q <= MOST_COLUMNS or not columns.show:
         return np.zeros((len(selected), v, q), np.bool_)
-    flat, some = columns.reshape(n, -1), max(AT_ONCE // n, 1)
-    parts = (flat[:, start : start + some] for start in range(0, v * q, some))
-    square = [((matrix @ part) ** 2).sum(axis=0) for part in parts]
-    shows = np.concatenate(square) * SIZES[-1] ** 2 > 1.0
+    square = np.diagonal(_power(columns, matrix), axis1=1, axis2=2)
     # Of each where those columns of which it holds all readings, of the largest movers.
-    outside = (~selected).astype(np.float64) @ (flat != 0.0)
-    chosen = (shows & (outside == 0.0)).reshape(-1, v, q)
-    chosen = chosen & ~covered[:, None, mover]
+    acting = replace(columns, parts=[part != 0.0 for part in columns.parts])
+    outside = acting.products((~selected.T).astype(np.float64)).transpose(2, 0, 1)
+    chosen = (square * SIZES[-1] ** 2 > 1.0) & (outside == 0.0)
+    chosen = chosen & ~covered[:, None, columns.number]
     # What shows the same as a narrower where is no other pattern.
     code = chosen @ (1 << np.arange(q))
     narrower = np.tri(len(code), k=-1, dtype=np.bool_)[..., None]
     repeated = np.any(narrower & (code[:, None] == code), axis=1)
     return np.asarray(chosen & ~repeated[..., None])
+
+
+def _power(
+    columns: Columns, matrix: Reduction, texture: Texture | None = None, noise_mm: float = 1.0
+) -> Floats:
+    """Cᵀ Wᵀ S⁻¹ W C of each shape C, (v, q, q); S of noise and of a local shape."""
+    if isinstance(matrix, Contrasts):
+        return (
+            _power_of_readings(columns, matrix, texture, noise_mm if texture else 1.0) / noise_mm**2
+        )
+    data = columns.products(matrix.T)
+    return np.asarray(data @ data.swapaxes(-1, -2) / noise_mm**2)
+
+
+@functools.lru_cache(maxsize=32)
+def _power_of_readings(
+    columns: Columns, matrix: Contrasts, texture: Texture | None, noise_mm: float
+) -> Floats:
+    """The same, times the variance of the noise."""
+    weight = matrix.precision
+    taken = columns.products(weight[:, None] * matrix.zeros)
+    power = columns.squares(weight) - taken @ taken.swapaxes(-1, -2)
+    if texture is None:
+        return power
+    general, factors = texture.whitened(noise_mm)
+    taken = columns.products(matrix.T @ (texture.axes * np.sqrt(1.0 - factors**2)))
+    return np.asarray(general**2 * (power - taken @ taken.swapaxes(-1, -2)))
 
 
 def at_usual_size(fit: Fit) -> Fit:
@@ -261,14 +287,14 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
     `chosen` are columns of the how at each where, (w, v, q); `one` is it at any; ln p at each σ
     without it is `noise`, (g,).
     """
-    (n, v, q), sizes = one.columns.shape, one.sizes
-    power, match, left = np.empty((v, q, q)), np.empty((v, q)), fit.whitened(fit.unexpected)
-    together = max(AT_ONCE // (n * q), 1)
-    for part in (slice(start, start + together) for start in range(0, v, together)):
-        columns = fit.white.matrix @ one.columns[:, part].reshape(n, -1)
-        white = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
-        turned = white.swapaxes(-1, -2)
-        power[part], match[part] = turned @ white, turned @ left
+    (_, v, q), sizes, white = one.columns.shape, one.sizes, fit.white
+    axes, factors = fit.axes
+    lost = fit.textured(axes * np.sqrt(1.0 - factors**2))
+    left = fit.textured(shrink(fit.whitened(fit.unexpected), axes, factors))
+    along = one.columns.products(white.matrix.T @ np.column_stack((lost, left)))
+    match, taken = along[..., -1], along[..., :-1]
+    power = _power(one.columns, white.matrix, white.texture, fit.noise.stated)
+    power = power - taken @ taken.swapaxes(-1, -2)
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
     variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
     shown = chosen.reshape(-1, q)
@@ -291,7 +317,7 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
 def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
     """The same of readings with more noise, (w, 1, s)."""
     factors = one.sizes
-    rows = one.columns[:, 0] @ chosen[:, 0].T > 0.0
+    rows = one.columns.parts[0][:, 0] @ chosen[:, 0].T > 0.0
     everywhere = rows.all(axis=0)
     gains = np.full((rows.shape[1], len(factors), len(fit.noise.sigma)), ABSENT)
     wider = fit.noise.wider(np.sqrt(1.0 + factors**2))
@@ -381,12 +407,13 @@ def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> 
     there, and of what is at one place.
     """
     if pattern.how in PLANNED:
-        columns, *_ = PLANNED[pattern.how](plan, True, np.array([shape.parameter]))
+        made = PLANNED[pattern.how](plan, True, np.array([shape.parameter]))
     elif pattern.how == "hysteresis":
-        columns, *_ = _lags(plan, readings, pattern.at.white.machine.instrument.noise_mm)
+        made = _lags(plan, readings, pattern.at.white.machine.instrument.noise_mm)
     else:
         return np.zeros((len(plan), 0))
-    columns, nowhere = columns[:, 0], np.zeros(len(plan), np.bool_)
+    columns = made.written([0], np.full(made.shape[2], True))[:, 0]
+    nowhere = np.zeros(len(plan), np.bool_)
     rows = next((rows for where, rows in plan.wheres(True) if where == pattern.where), nowhere)
     return columns[:, columns.any(axis=0) & ~columns[~rows].any(axis=0)]
 
@@ -432,10 +459,10 @@ def placed_causes(at: Linearised) -> list[list[Pattern]]:
         if places is None or cause.counts or len(places) > MOST_PLACES:
             continue
         unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
-        columns = unit * places.patterns.columns(slice(None))[:, :, None]
+        columns = _everywhere(unit * places.patterns.columns(slice(None))[:, :, None])
         shown, sizes = np.full(columns.shape[1:], True), np.array(BLUNDER_SCALES)
         log_prior = at.candidates.log_prior[(id,)]
-        candidates.append([Pattern(at, id, {}, log_prior, columns, None, None, shown, sizes)])
+        candidates.append([Pattern(at, id, {}, log_prior, columns, shown, sizes)])
     return candidates
 
 
@@ -629,7 +656,7 @@ def _gauges(
         return
     fit, columns = fits[0][1], shapes[0].columns
     effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
-    by = 1.0 if pattern.parameters is None else float(pattern.parameters[0])
+    by = 1.0 if pattern.columns.parameters is None else float(pattern.columns.parameters[0])
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
         read = np.flatnonzero(plan.shared == gauge)
         ends = read[effect[read].argmin()], read[effect[read].argmax()]

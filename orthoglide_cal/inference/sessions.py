@@ -239,7 +239,7 @@ class TrendFit:
         sizes = (np.full(len(part.subset), part.size) for part in parts)
         self._prior = np.concatenate([np.full(len(scatter), FREE), common, *sizes])
         both = (data.values - centre)[..., None], columns
-        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit))
+        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit)[None])
         self._values, self._columns = values.reshape(-1), white.reshape(-1, len(self._prior))
         density = Gaussian(self._columns, self._prior[None], UNIT).by_noise(self._values)
         self.log_evidence = float(density[0, 0] - 0.5 * np.linalg.slogdet(self.spread)[1].sum())

@@ -172,7 +172,7 @@ class AdjustingDialogue(Dialogue):
         begun = f" Resumed: {len(self.state.accepted)} readings." if self.state.accepted else ""
         self.asker.say(f"To be adjusted: {names}.{begun} ? is help.", Style.TITLE)
 
-    def run(self) -> State:
+    def run(self) -> None:
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
             for setup, one in enumerate(self.adjusted, start=1):
@@ -188,7 +188,6 @@ class AdjustingDialogue(Dialogue):
                     break
             else:
                 self.write(events.Ended(at=self.now(), reason="complete"))
-        return self.state
 
     def _doubted(self, one: Adjusted) -> bool:
         """True if the operator takes the readings of a check that failed again."""

@@ -33,12 +33,12 @@ def written(
 # --- against the independent simulator --------------------------------------------------------
 
 FAULTS = {
-    "gauge_drift": (Effect("gauge_drift", parameters=(0.17,), setup=4), Place((2, 0)), 0.17),
+    "gauge_drift": (Effect("gauge_drift", parameters=(0.17,), setup=4), Place((2, 0, 0)), 0.17),
     "stand_shift": (Effect("stand_shift", parameters=(-0.13,), setup=1, row=9), Place((9,)), -0.13),
     "gauge_slip": (Effect("gauge_slip", parameters=(-2.0,), setup=2, row=27), Place((27, 0)), -2.0),
     "misread": (Effect("misread", parameters=(0.31,), setup=3, row=29), Place((29,)), 0.31),
-    "sign_flip": (Effect("sign_flip", setup=5), Place((2, 1)), None),
-    "swapped_gauges": (Effect("swapped_gauges", leg=1), Place((1,)), None),
+    "sign_flip": (Effect("sign_flip", setup=5), Place((2, 1, 0)), None),
+    "swapped_gauges": (Effect("swapped_gauges", leg=1), Place((1, 0)), None),
 }
 
 
@@ -77,7 +77,7 @@ def test_each_pattern_is_what_the_cause_says() -> None:
         ("gauge_slip", (at, 0)): np.arange(60) == at,
         ("gauge_slip", (at, 1)): later,
         ("stand_shift", (at,)): later,
-        ("gauge_drift", tuple(series)): same * MIXED.hours,
+        ("gauge_drift", (*series, 0)): same * MIXED.hours,
     }
     assert 1 < later.sum() < same.sum() == 10
     for (id, index), pattern in expected.items():
@@ -116,7 +116,7 @@ def test_places_are_counted_from_the_plan() -> None:
     assert (count["exchanged_columns"], count["wrong_unit"]) == (1, 4)
     half = PLAN.subset(np.flatnonzero((PLAN.leg != 1) & (PLAN.direction != 2)))
     assert len(CAUSES["sign_flip"].places(half, PROTOTYPE)) == 3 + 1
-    assert [*CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2,)]
+    assert [*CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2, 0)]
 
 
 def test_no_stand_is_knocked_before_its_first_reading() -> None:
@@ -184,4 +184,4 @@ def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: Cause, plan: GaugeP
 def test_gauges_of_which_one_was_not_read_are_not_exchanged() -> None:
     """Of those that do not pair up otherwise, see `tests/inference/test_replanned.py`."""
     for kept in (PLAN.direction != 2, PLAN.leg != 0):
-        assert not CAUSES["swapped_gauges"].reversible(PLAN.subset(kept), Place((0,)))
+        assert not CAUSES["swapped_gauges"].reversible(PLAN.subset(kept), Place((0, 0)))

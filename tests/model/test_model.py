@@ -38,7 +38,7 @@ def covariance(size: int, scale: float, seed: int = 3) -> Floats:
 def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> None:
     """A knocked stand under a gauge with the wrong sign: the step is written down with it."""
     knocked = CAUSES["stand_shift"].at(np.array([0.2]), Place((4,)))
-    flipped = CAUSES["sign_flip"].at(np.zeros(0), Place((0, 1)))
+    flipped = CAUSES["sign_flip"].at(np.zeros(0), Place((0, 1, 0)))
     clean = simulate(NOMINAL, OFFSETS, PLAN)
     step = 0.2 * ((PLAN.setup == PLAN.setup[4]) & (PLAN.order >= 4))
     sign = np.where(PLAN.of(PLAN.series[0]), -1.0, 1.0)
