@@ -35,6 +35,11 @@ class Evidence(NamedTuple):
     log_likelihood: float
     unit_mm: float  # of the data there
 
+    @classmethod
+    def of(cls, fit: Fit) -> Self:
+        """What is kept of a fit."""
+        return cls(fit.log_evidence, fit.log_likelihood, unit_of(fit.effects))
+
 
 @dataclass(frozen=True, eq=False)
 class Belief:
@@ -71,8 +76,7 @@ class Belief:
         fits = dict(self.fits)
         for ids in sets:
             if ids not in fits:
-                fit = self.fit_of(ids)
-                fits[ids] = Evidence(fit.log_evidence, fit.log_likelihood, unit_of(fit.effects))
+                fits[ids] = Evidence.of(self.fit_of(ids))
         return replace(self, fits=fits) if len(fits) > len(self.fits) else self
 
     def beside(self, hypothesis: Hypothesis, *, fine: bool = False) -> list[Hypothesis]:
