@@ -139,22 +139,17 @@ def pattern_candidates(fit: Fit, *, fine: bool) -> list[list[Pattern]]:
 
     Plungers that lag are followed in rounds if looked at closely.
     """
-    at, white = fit.hypothesis.at, fit.hypothesis.at.white
-    predicted = at.versions[0] - at.residuals[0]
-
-    def lags(moved: Floats | float) -> Columns:
-        noise = white.machine.instrument.noise_mm
-        return _lags(white.plan, white.plain(predicted + moved), noise)
-
-    columns = lags(0.0) if white.raw else None
-    for _ in range(ROUNDS if fine and white.raw else 0):
-        every = _candidates(at, columns, fine)
-        scores = scores_of(fit, [found for found in every if found[0].how == "hysteresis"])
-        if not scores:
+    at, white, moved = fit.hypothesis.at, fit.hypothesis.at.white, np.zeros(1)
+    predicted, noise = at.versions[0] - at.residuals[0], white.machine.instrument.noise_mm
+    for rounds in range(ROUNDS if fine else 0, -1, -1):
+        expected = white.plain(predicted + moved)
+        every = _candidates(at, _lags(white.plan, expected, noise) if white.raw else None, fine)
+        lagging = [patterns for patterns in every if patterns[0].how == "hysteresis"]
+        if not (rounds and lagging):
             break
-        offsets = extended(fit, scores[-1].patterns[0]).offsets
-        columns = lags(at.jacobian @ (offsets - at.offsets[0]))
-    return _candidates(at, columns, fine)
+        lag = scores_of(fit, lagging)[-1].patterns[0]
+        moved = at.jacobian @ (extended(fit, lag).offsets - at.offsets[0])
+    return every
 
 
 def _lags(plan: Plan, readings: Floats, noise_mm: float) -> Columns:
@@ -278,8 +273,8 @@ def at_usual_size(fit: Fit) -> Fit:
 def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
     """Gain of ln p at each where by each shape at each size, (w, v, s).
 
-    `chosen` are columns of the how at each where, (w, v, q); `one` is it at any; ln p at each σ
-    without it is `noise`, (g,).
+    `one` is the how at any where, `chosen` its columns at each, (w, v, q); ln p at each σ without
+    it is `noise`, (g,).
     """
     sizes, white, (axes, factors) = one.sizes, fit.white, fit.axes
     lost = fit.textured(axes * np.sqrt(1.0 - factors**2))
@@ -394,10 +389,9 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
 
 
 def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> Floats:
-    """Columns of unit size of a shape of a pattern, where it acts under any plan, (n, q).
+    """Columns of unit size of a shape of a pattern under any plan, (n, q).
 
-    `readings` are expected there, (n,) [mm]. None of more noise, of a temperature that nobody knows
-    there, and of what is at one place.
+    `readings` are expected there, (n,) [mm]. None of more noise, unknown temperature, or one place.
     """
     if pattern.how in PLANNED:
         made = PLANNED[pattern.how](plan, True, np.array([shape.parameter]))
@@ -406,9 +400,10 @@ def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> 
     else:
         return np.zeros((len(plan), 0))
     columns = made.written([0], np.full(len(made.number), True))[:, 0]
-    nowhere = np.zeros(len(plan), np.bool_)
-    rows = next((rows for where, rows in plan.wheres(True) if where == pattern.where), nowhere)
-    return columns[:, columns.any(axis=0) & ~columns[~rows].any(axis=0)]
+    for where, rows in plan.wheres(True):
+        if where == pattern.where:
+            return columns[:, columns.any(axis=0) & ~columns[~rows].any(axis=0)]
+    return columns[:, :0]
 
 
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
@@ -520,8 +515,8 @@ def describe(
 ) -> FoundPattern | None:
     """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ.
 
-    `base` is the fit of its listed causes. The calibrated parameters alone leave `before_mm`, all
-    that acts leaves `after_mm`.
+    `base` is the fit of its listed causes. The offsets alone leave `before_mm`, all that acts
+    `after_mm`.
     """
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     how, plan = pattern.how, white.plan
@@ -532,11 +527,10 @@ def describe(
     if not gauges:
         return None
     _, size, std, _ = max(gauges, key=lambda gauge: abs(gauge[1]))
-    kelvin, unit = how == "temperature", "mm/K" if how == "temperature" else "mm"
+    unit = "mm/K" if how == "temperature" else "mm"
     parameters = [
-        Estimate(name=name, unit=unit, value=value / by, std=spread / abs(by))
+        Estimate(name=name, unit=unit, value=value / span, std=spread / abs(span))
         for name, value, spread, span in gauges
-        for by in [span if kelvin else 1.0]
     ]
     where, start, between = dict(pattern.where), None, tuple[Where, ...]()
     heldout, late = None, None
@@ -632,7 +626,7 @@ def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Ite
 def _gauges(
     pattern: Pattern, fits: _Fits, rows: Bools
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Effect on each gauge: name, peak to peak, its standard deviation [mm], and span [K].
+    """Effect on each gauge: name, peak to peak, its standard deviation [mm], span [K] or 1.
 
     Positive where the later of the two readings is the larger. More noise is one for all.
     """
@@ -646,7 +640,6 @@ def _gauges(
         return
     fit, columns = fits[0][1], shapes[0].columns
     effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
-    by = 1.0 if pattern.columns.parameters is None else float(pattern.columns.parameters[0])
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
         read = np.flatnonzero(plan.shared == gauge)
         ends = read[effect[read].argmin()], read[effect[read].argmax()]
@@ -656,14 +649,15 @@ def _gauges(
             mean, std = _sizes(fits, apart)
             entry = plan.entry(int(first))
             name = f"{entry['direction']}_{entry['leg']}" if "leg" in entry else "readings"
-            yield name, float(mean[0]), float(std[0]), by * float(apart[0].sum())
+            kelvin = pattern.how == "temperature"
+            span = shapes[0].parameter * float(apart[0].sum()) if kelvin else 1.0
+            yield name, float(mean[0]), float(std[0]), span
 
 
 def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, float] | None:
-    """Errors of predicting some readings, one of the cells (n,) left out at a time, r.m.s. [mm].
+    """Errors of predicting some readings, without and with the pattern, r.m.s. [mm].
 
-    Those of a cell below 0 stay. Without and with the pattern; None where no reading has another
-    cell.
+    One of the cells (n,) is left out at a time, none below 0; None where there are no two.
     """
     blocks = [block for block in left_out(before.white, (), cells) if cells[block[0]] >= 0]
     if len(np.unique(cells)) < 2 or not any(rows[block].any() for block in blocks):
