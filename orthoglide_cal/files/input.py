@@ -1,6 +1,7 @@
 """The inputs that a user names: read, joined, or only checked; and the sessions of a folder."""
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -218,7 +219,7 @@ def check_file(
     """Check a file of any kind, also of a machine; the arguments are those of `read_input`.
 
     Returns the measurement, too; None for a machine, or if the file is not valid. Raises
-    InputError: the file cannot be opened, so that there is nothing to check.
+    InputError: the file cannot be opened.
     """
     input, data = InputFile(path=path), read_bytes(path)
     try:
@@ -227,26 +228,24 @@ def check_file(
         tree = load_tree(file) if _is_yaml(file, _format_of(file)) else None
         if tree and machine_file.is_machine_file(tree):
             machine = machine_file.machine_file_in(tree).model.machine
-            input, remarks = input.changed(kind="machine"), machine.instrument.implausible()
-            named, doubts = {"input": input, "machine": machine.name}, tuple(remarks.values())
-            return Check(**named, doubtful=bool(doubts), remarks=doubts), None
+            input, doubts = input.changed(kind="machine"), machine.instrument.implausible().values()
+            named = {"input": input, "machine": machine.name}
+            return Check(**named, doubtful=bool(doubts), remarks=tuple(doubts)), None
         given = read_input(file, model, otherwise, stored)
     except InputError as error:
         return Check(input=input, valid=False, problems=error.problems), None
     measured, machine = given.measured, given.model.machine
-    kind = "session" if given.is_session else measured.kind
-    input = InputFile.of(given, kind=kind)
-    doubts = (
+    beyond = (
         *machine.instrument.doubts(measured),
         *machine.instrument.implausible().values(),
         *implausible_temperatures(given.conditions.temperatures_c),
     )
     check = Check(
-        input=input,
+        input=InputFile.of(given, kind="session" if given.is_session else measured.kind),
         machine=machine.name,
         simulated=measured.source.simulated,
-        doubtful=bool(doubts) or len(notes_on(measured)) < len(measured.remarks),
-        remarks=(*doubts, *measured.remarks),
+        doubtful=bool(beyond) or len(notes_on(measured)) < len(measured.remarks),
+        remarks=(*beyond, *measured.remarks),
     )
     return check, given
 
@@ -279,10 +278,9 @@ def require_distinct(inputs: Sequence[Input]) -> None:
 
 def in_order(inputs: Sequence[Input]) -> tuple[list[Input], list[datetime]]:
     """The inputs in order of time, and their times; as given, without, unless all have one."""
-    dated = [(at, given) for given in inputs if (at := given.moment)]
+    dated = sorted([(at, one) for one in inputs if (at := one.moment)], key=itemgetter(0))
     if len(dated) < len(inputs):
         return [*inputs], []
-    dated.sort(key=itemgetter(0))
     return [given for _, given in dated], [at for at, _ in dated]
 
 
@@ -331,25 +329,22 @@ def together(inputs: Sequence[Input]) -> Input:
         for pair in pairwise(inputs)
         if (names := pair[0].model.machine.differing(pair[1].model.machine))
     ]
-    reads, unknown = [], []
+    unknown = []
     for given in inputs:
-        read, excerpt = cast(Readings, given.measured), given.measured.source.excerpt
-        reads.append(read)
-        unknown += [f"{given.name}: {excerpt.unknown}"] if excerpt and excerpt.unknown else []
-        for remark in read.remarks:
+        if (excerpt := given.measured.source.excerpt) and excerpt.unknown:
+            unknown.append(f"{given.name}: {excerpt.unknown}")
+        for remark in given.measured.remarks:
             if remark.code in CAUTIONS:
                 remark = remark.changed(data={**remark.data, "of_file": given.name})
             remarks += [remark] if remark not in remarks else []
-    sources = [read.source for read in reads]
+    reads = [cast(Readings, given.measured) for given in inputs]
+    *earlier, latest = sources = [read.source for read in reads]
     words = f"{len(plan)} readings of {len(inputs)} dates"
-    excerpt = replace(
-        sources[-1].excerpt or Excerpt("", ""), words=words, unknown=" ".join(unknown)
-    )
     source = replace(
-        sources[-1],
+        latest,
         sha256=hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
-        excerpt=excerpt,
-        earlier=tuple(source.path for source in sources[:-1]),
+        excerpt=replace(latest.excerpt or Excerpt("", ""), words=words, unknown=" ".join(unknown)),
+        earlier=tuple(source.path for source in earlier),
         simulated=any(source.simulated for source in sources),
     )
     line, timed = np.concatenate([read.line for read in reads]), all(read.timed for read in reads)
@@ -364,10 +359,9 @@ def adjustments_by(path: str) -> list[Path]:
 
 
 def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
-    """Session files, recognised by their content, in the order of time.
+    """Session files, recognised by their content, by when they were finished, started or changed.
 
-    That is when one was finished, else started, else when the file changed. With `tables` also
-    those of readings of gauges, or differences. Raises InputError if there is no such folder.
+    With `tables` also those of readings or differences. Raises InputError: no such folder.
     """
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
@@ -429,12 +423,10 @@ def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | No
 
 def _machines_in(folder: Path) -> list[Path]:
     """Files with a key of machines, and MACHINE_FILE whatever is left of it."""
-    marks, machines = {"kind", "leg_length_mm"}, []
-    for path, text in _texts_in(folder, "yaml", "yml"):
-        keys = _keys_of(text).keys()
-        if (marks & keys or path.name == MACHINE_FILE) and "readings" not in keys:
-            machines.append(path)
-    return machines
+    keys_of = {path: _keys_of(text) for path, text in _texts_in(folder, "yaml", "yml")}
+    machines = (path for path, keys in keys_of.items() if "readings" not in keys)
+    marks = {"kind", "leg_length_mm"}
+    return [path for path in machines if path.name == MACHINE_FILE or marks & keys_of[path].keys()]
 
 
 def _texts_in(folder: Path, *ends: str) -> Iterator[tuple[Path, str]]:
@@ -467,7 +459,7 @@ def _is_yaml(document: FileText, format: _Format | None) -> bool:
 
 
 def printer_settings(path: Path) -> PrinterFile | None:
-    """Settings in a firmware's file; None for a file of another kind. Raises InputError."""
+    """Settings in a firmware's file; None for another kind. Raises InputError."""
     document = read_document(str(path))
     format = _format_of(document)
     if format and format.read and format.settings is None:
@@ -478,7 +470,6 @@ def printer_settings(path: Path) -> PrinterFile | None:
 def _firmware_file(
     document: FileText, format: _Format, known: Known | None, otherwise: Callable[[], Model]
 ) -> PrinterFile:
-    """Content of a file of a printer's firmware or console. Raises InputError."""
     if format.read is None:
         fault = f"This is {format.title}, not a file of readings."
         raise InputError(fault, format.remedy, file=document.path)
@@ -487,14 +478,11 @@ def _firmware_file(
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
     stated = format.settings(document)
-    if stated and stated.unknown and known:
-        stated = None
     if isinstance(known, PrinterFile):
         settings = replace(known, data={}, remarks=())
-    elif stated and known:
-        settings = stated.on_bed(_delta(known, document.path).bed_radius_mm)
-    elif stated:
-        settings = stated
+    elif stated and not (stated.unknown and known):
+        bed = _delta(known, document.path).bed_radius_mm if known else math.nan
+        settings = stated.on_bed(bed)
     else:
         if format.mark is gcode.HEIGHT_MAP and not known:
             gcode.check_delta(document)

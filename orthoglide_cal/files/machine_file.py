@@ -1,7 +1,6 @@
 """Machine files (`orthocal guide machine`) to a `Model` and back, edited in place; the package's.
 
-What a machine is made of its class says; here is what stands around it in the file, and what
-depends on which causes there are.
+Here are what stands around a machine in its file, and what depends on which causes there are.
 """
 
 import functools
@@ -52,6 +51,8 @@ _ACTIVE = "offsets_mm"
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _MADE = "# Made by `orthocal apply` for "
+_Estimates = Mapping[Word, Estimate]
+_Matrix = tuple[tuple[Number, ...], ...]
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
 
 
@@ -61,10 +62,10 @@ class Identified(Schema):
     cause: str
     where: Annotated[str, _NOWHERE] | None = ""  # always the whole machine
     # By their names on this kind of machine.
-    parameters: Mapping[Word, Estimate]
+    parameters: _Estimates
     date: Day  # of its acceptance
     data_sha256: Digest  # of the readings that it was accepted from
-    correlation: tuple[tuple[Number, ...], ...] = ()  # of the parameters; () for independent ones
+    correlation: _Matrix = ()  # of the parameters; () for independent ones
 
     @field_validator("cause")
     @classmethod
@@ -79,9 +80,7 @@ class Identified(Schema):
 
     @field_validator("parameters")
     @classmethod
-    def _of_the_cause(
-        cls, given: Mapping[str, Estimate], info: ValidationInfo
-    ) -> Mapping[str, Estimate]:
+    def _of_the_cause(cls, given: _Estimates, info: ValidationInfo) -> _Estimates:
         id = info.data.get("cause")
         if id is None:
             return given
@@ -92,27 +91,24 @@ class Identified(Schema):
         if given.keys() != set(names) and not (given and fewer):
             fault = f"{id} has the parameters {', '.join(names)}."
             raise InputError(fault, "Give each of them once.")
-        faults = []
-        for name, estimate in given.items():
-            if estimate.name:  # its key is its name
-                fault, remedy = "The key is not known.", "Leave it out."
-                faults.append(InputError(fault, remedy, column=f"{name}.name"))
-            if estimate.unit != cause.unit:
-                fault = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
-                remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."
-                faults.append(InputError(fault, remedy, column=f"{name}.unit"))
-            if cause.positive and estimate.value < 0.0:
-                fault, remedy = "The number must not be negative.", "Give zero or more."
-                faults.append(InputError(fault, remedy, column=f"{name}.value"))
+        faults, convert = [], f"Convert the value and its std, and write unit: {cause.unit!r}."
+        for name, one in given.items():
+            other_unit = f"{id} is measured in {cause.unit or 'no unit'}, not {one.unit!r}."
+            checks = {
+                "name": (one.name, "The key is not known.", "Leave it out."),  # its key is its name
+                "unit": (one.unit != cause.unit, other_unit, convert),
+                "value": (cause.positive and one.value < 0.0, *WORDS["not_negative"]),
+            }
+            for key, (wrong, fault, remedy) in checks.items():
+                if wrong:
+                    faults.append(InputError(fault, remedy, column=f"{name}.{key}"))
         if faults:
             raise InputError.of(faults)
         return given
 
     @field_validator("correlation")
     @classmethod
-    def _correlations(
-        cls, rows: tuple[tuple[float, ...], ...], info: ValidationInfo
-    ) -> tuple[tuple[float, ...], ...]:
+    def _correlations(cls, rows: _Matrix, info: ValidationInfo) -> _Matrix:
         size = len(info.data.get("parameters", rows))
         if rows and {len(rows), *map(len, rows)} != {size}:
             fault = f"The correlations are not {size} rows of {size} numbers."
@@ -167,9 +163,7 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     file = read_document(str(path))
     if PRINTER_SECTION.search(file.text):
         fault = "This is a printer's configuration, not a machine file."
-        remedy = (
-            "Give it to solve, diagnose or plan as their input: it describes its machine itself."
-        )
+        remedy = "Give it to solve, diagnose or plan as input: it describes its machine itself."
         raise InputError(fault, remedy, file=file.path)
     return machine_file_in(load_tree(file))
 
@@ -193,13 +187,13 @@ def machine_file_in(tree: Content) -> StoredMachine:
     return StoredMachine(model, file)
 
 
-def machine_from_text(content: str, path: str) -> Model:
-    """The machine that a text describes; `path` is its name. Raises as `read_machine_file`."""
-    return _stored(content, path).model
+def stored_machine(content: str, path: str, sha256: str = "") -> StoredMachine:
+    """The machine file of this content and path, with this digest. Raises as `read_machine_file`.
 
-
-def _stored(content: str, path: str) -> StoredMachine:
-    return machine_file_in(load_tree(document_from_bytes(content.encode(), path)))
+    Without one it is that of the content.
+    """
+    file = document_from_bytes(content.encode(), path)
+    return machine_file_in(load_tree(replace(file, sha256=sha256 or file.sha256)))
 
 
 @functools.cache
@@ -298,8 +292,7 @@ def is_machine_file(tree: Content) -> bool:
 def machine_values(model: Model) -> dict[str, object]:
     """Plain values of the machine file, in the file's order; what nobody stated is left out."""
 
-    def digits(value: float) -> float:
-        """Twelve of them: a file read and written again says the same in its units."""
+    def digits(value: float) -> float:  # a file read and written again says the same in its units
         return float(f"{value:.12g}")
 
     machine = model.machine
@@ -352,7 +345,7 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
     """
     name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
     text = f"{WRITTEN}{_MADE}{visible(controller)}\n{machine_text(model).removeprefix(WRITTEN)}"
-    return _stored(text, str(free_path(Path(), name, ".yaml")))
+    return stored_machine(text, str(free_path(Path(), name, ".yaml")))
 
 
 def made_for(file: StoredMachine) -> str | None:
@@ -396,10 +389,11 @@ def with_entry(file: StoredMachine, entry: Entered) -> StoredMachine:
     text, _ = _put(text, "history", lines)
     then = None
     with suppress(InputError):
-        then = _stored(text.replace("\n", line_end), document.path)
+        then = stored_machine(text.replace("\n", line_end), document.path, document.sha256)
     if then is None or machine_values(then.model) != machine_values(made):  # a rare form of YAML
-        then = _stored(machine_text(recorded({"": document.data.decode()})), document.path)
-    return replace(then, document=replace(then.document, sha256=document.sha256))
+        text = machine_text(recorded({"": document.data.decode()}))
+        then = stored_machine(text, document.path, document.sha256)
+    return then
 
 
 def without_entry(file: StoredMachine) -> StoredMachine:
@@ -417,18 +411,15 @@ def without_entry(file: StoredMachine) -> StoredMachine:
         text, _ = _put(text, key, lines)
     text = replaced.get("", text.replace("\n", line_end))
     with suppress(InputError):
-        then = _stored(text, document.path)
+        then = stored_machine(text, document.path, document.sha256)
         again = with_entry(then, last.changed(replaced=None))
         if last.replaced is not None and again.document.data == document.data:
-            return replace(then, document=replace(then.document, sha256=document.sha256))
+            return then
     stood = {_ACTIVE: last.before, "corrected": last.corrected_before}
     groups = (yaml_text({key: dict(one)}) for key, one in stood.items() if one is not None)
-    raise UsageError(
-        f"{document.path} does not hold what the entry of {last.date} left in it.",
-        "\n".join(
-            ("Restore it by hand: remove that entry, and write what stood before it.", *groups)
-        ),
-    )
+    fault = f"{document.path} does not hold what the entry of {last.date} left in it."
+    remedy = "Restore it by hand: remove that entry, and write what stood before it."
+    raise UsageError(fault, "\n".join((remedy, *groups)))
 
 
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
@@ -443,7 +434,7 @@ def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     for key, value in values.items():
         text = _with_value(text, key, value)
     try:
-        return _stored(text, path)
+        return stored_machine(text, path)
     except InputError as error:
         faults = [replace(fault, file=None, line=None, problems=()) for fault in error.problems]
         raise InputError.of(faults) from error
@@ -495,6 +486,7 @@ def _with_value(text: str, path: str, value: object) -> str:
     group, _, key = path.rpartition(".")
     start, end = _span(text, group or key)
     line = yaml_text({key: value}).strip("{}\n")
+    line = line if isinstance(value, str) else re.sub(r"\.0\b", "", line)
     standing = rf"\b{key}: (\[.*?\]|[^,}}#\n]*?)(?= *[,}}#\n])"
     if stands := re.compile(standing).search(text, start, end):
         return text[: stands.start()] + line + text[stands.end() :]

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from difflib import get_close_matches
-from itertools import pairwise
+from itertools import chain, pairwise
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Generic, TypeVar
 
@@ -105,16 +105,12 @@ def _posture(text: str, info: ValidationInfo) -> str:
     return number_text(displacement)
 
 
-def _entered(value: object, info: ValidationInfo) -> object:
-    remedy = "Write mm with blanks between them, such as 0.5 0 0."
-    if not isinstance(value, str):
-        if info.context is not None:
-            raise InputError("This must be one value.", remedy)
-        return value
-    offsets = tuple(_length(text, info) for text in value.split())
+def _entered(value: str | Sequence[object], info: ValidationInfo) -> tuple[float, ...]:
+    texts = value.split() if isinstance(value, str) else value
+    offsets = tuple(_length(text, info) for text in texts)
     if len(offsets) != len(AXES):
         fault = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
-        raise InputError(fault, remedy)
+        raise InputError(fault, "Write mm with blanks between them, such as 0.5 0 0.")
     return offsets
 
 
@@ -147,7 +143,7 @@ class Row(Schema):
     noun: ClassVar[str] = "reading"  # what a row is
     # Column that is needed → what to write where it is empty; the last one holds what was read.
     needed: ClassVar[Mapping[str, str]] = {}
-    inches: ClassVar[str] = ""  # column that may stand instead of the last one
+    inches: ClassVar[str | None] = None  # column that may stand instead of the last one
     only_in_sessions: ClassVar[Sequence[str]] = ()
 
     @classmethod
@@ -165,6 +161,7 @@ class Row(Schema):
 class ReadingRow(Row):
     """A gauge reading; None where nothing is said."""
 
+    inches = "reading_in"
     leg: Axis  # whose carriage is displaced
     # iso, max, min of that leg, or its displacement from the isotropic posture [mm].
     posture: Annotated[str, AfterValidator(_posture)]
@@ -172,11 +169,7 @@ class ReadingRow(Row):
     end: Annotated[str, _LOWER, _END] | None = None  # of the leg, in the single-posture protocol
     cycle: Count | None = None  # repeat, from 1
     # None for a step that was left out.
-    reading_mm: Length | None = Field(
-        default=None,
-        validate_default=True,
-        validation_alias=AliasChoices("reading_mm", "reading_in"),
-    )
+    reading_mm: Length | None = Field(None, validation_alias=AliasChoices("reading_mm", inches))
     seq: Order | None = None  # order in time
     minutes: Minutes | None = None  # since the session began
     temperature_c: Annotated[Cell, Field(ge=-100.0, le=200.0)] | None = None
@@ -192,7 +185,6 @@ class ReadingRow(Row):
     timestamp: Moment | None = None
     reason: str | None = None  # why it was replaced or left out
 
-    inches = "reading_in"
     needed: ClassVar[Mapping[str, str]] = {
         "leg": _AXIS, "posture": _POSTURE, "direction": _AXIS, "reading_mm": _READING
     }  # fmt: skip
@@ -208,13 +200,6 @@ class ReadingRow(Row):
                 f"Give the direction across the leg: {other}; or correct the leg.",
             )
         return direction
-
-    @field_validator("reading_mm")
-    @classmethod
-    def _given(cls, reading: float | None, info: ValidationInfo) -> float | None:
-        if reading is None and info.context is not None and info.context.wanted:
-            raise InputError("The reading is missing.", _READING)
-        return reading
 
     @field_serializer("entered")
     def _written(self, entered: tuple[float, ...] | None) -> str | None:
@@ -299,23 +284,18 @@ class Table(Content):
     def __init__(self, document: FileText) -> None:
         super().__init__(document)
         self.columns: list[str] = []  # names in lower case, in order; "" where there is none
-        self.header_line = 1
+        self.header_line, self.delimiter = 1, ""
         self.rows: list[dict[str, str]] = []
         self.value = self.rows
-        lines = document.text.split("\n")
-        plain = (text.strip(_BLANKS) for text in lines)
-        header = next((text for text in plain if text and not text.startswith(_COMMENTS)), "")
-        delimiter = next((mark for mark in "\t;," if mark in header), ",")
-        self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
-        comments, at = True, 0
-        while at < len(lines):
-            shown, line = lines[at].strip(), at + 1
-            text = lines[at].strip(_BLANKS)
-            if not text or (comments and text.startswith(_COMMENTS)):
-                at += 1
+        comments, lines = True, enumerate(document.text.split("\n"), start=1)
+        for line, text in lines:
+            plain = text.strip(_BLANKS)
+            if not plain or (comments and plain.startswith(_COMMENTS)):
                 continue
-            rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
-            reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
+            if not self.columns:
+                self.delimiter = next((mark for mark in "\t;," if mark in plain), ",")
+            rest = (f"{more}\n" for _, more in chain([(line, text)], lines))  # quotes may span them
+            reader = csv.reader(rest, delimiter=self.delimiter, strict=True, skipinitialspace=True)
             try:
                 cells = [cell.strip(_BLANKS) for cell in next(reader)]
             except csv.Error as error:
@@ -323,9 +303,8 @@ class Table(Content):
                 if "end of data" in str(error):
                     fault = "A quotation mark is opened and never closed."
                 remedy = 'Close it, or write "" for a quotation mark inside quotes.'
-                self.add(fault, remedy, line=line, value=shown)
+                self.add(fault, remedy, line=line, value=text.strip())
                 break
-            at += reader.line_num  # quotes may span lines
             if not self.columns:
                 self._head(cells, line)
                 comments = self.columns[0] in CODED
@@ -334,11 +313,11 @@ class Table(Content):
                 break
             elif any(cells[len(self.columns) :]):
                 fault = f"The row has {len(cells)} cells, the header {len(self.columns)}."
-                remedy = f"Put a cell that holds {delimiter!r} in quotes."
-                if delimiter == ",":
+                remedy = f"Put a cell that holds {self.delimiter!r} in quotes."
+                if self.delimiter == ",":
                     remedy = "For decimal commas separate columns with semicolons"
                     remedy += ", in the header too."
-                self.add(fault, remedy, line=line, value=shown)
+                self.add(fault, remedy, line=line, value=text.strip())
             elif any(cells):
                 self.lines[len(self.rows),] = line
                 pairs = zip(self.columns, cells, strict=False)
@@ -357,7 +336,8 @@ class Table(Content):
                 self.add(fault, "Rename or remove one.", line=line, column=name)
 
     def parse(self, text: str) -> float:
-        return parse_number(text, decimal_comma=self.decimal_comma)
+        """The number that a cell writes; another delimiter leaves the comma free for decimals."""
+        return parse_number(text, decimal_comma=self.delimiter != ",")
 
     def place(self, path: Steps) -> Place:
         """Where a row stands, or a cell of it."""
@@ -366,8 +346,7 @@ class Table(Content):
         return self.lines[path[:1]], column or None, cells.get(column)
 
     def check_header(self, schema: type[Row]) -> None:
-        """Raise what is found so far if the header lacks one of the columns that rows of a schema
-        need, or gives lengths twice."""
+        """Raise all faults so far if the header lacks a column that rows of a schema need."""
         before, present = len(self.problems), [name for name in self.columns if name]
         inches, last = schema.inches, [*schema.needed][-1]
         others = [name for name in present if name not in schema.columns()]
@@ -381,10 +360,6 @@ class Table(Content):
                 factor = f"multiply the numbers by {short(unit, 6)} and " if unit else ""
                 remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
             self.add("The column is missing.", remedy, line=self.header_line, column=name)
-        if {last, inches} <= set(present):
-            fault = "Lengths are given both in mm and in inches."
-            remedy = f"Keep one of the columns {last} and {inches}."
-            self.add(fault, remedy, line=self.header_line, column=inches)
         if len(self.problems) > before:
             raise self.error()
         self._check_split_numbers()
@@ -396,7 +371,7 @@ class Table(Content):
         """
         pairs = (pair for pair in pairwise(self.columns) if pair[0] in ("reading_mm", "reading_in"))
         value, after = next(pairs, ("", ""))
-        if self.decimal_comma or not (self.rows and value) or after in CODED:
+        if self.delimiter != "," or not (self.rows and value) or after in CODED:
             return
         cells, fractions = ([row.get(name, "") for row in self.rows] for name in (value, after))
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
@@ -412,14 +387,11 @@ Timed = TypeVar("Timed", ReadingRow, ProbeRow)
 
 
 class Rows(Generic[R]):
-    """A list in a file as rows; of one with a fault, which is noted, None stands in its place.
+    """A list in a file, at a path, as rows; None for one with a fault, which is noted.
 
     Args:
-        content: of the file.
-        path: of the list.
         longest: column → the longest length that it may have [mm].
         travel: of a carriage, lowest and highest [mm].
-        wanted: whether each row must have its reading, which a skipped one has not.
     """
 
     def __init__(
@@ -430,11 +402,10 @@ class Rows(Generic[R]):
         *,
         longest: Mapping[str, float] = MappingProxyType({}),
         travel: tuple[float, float] = (-math.inf, math.inf),
-        wanted: bool = True,
     ) -> None:
         self.content, self.path, self.noun = content, path, schema.noun
-        self.longest, self.travel, self.wanted = longest, travel, wanted
-        self.in_inches = ""  # the column that the row being read gives in inches
+        self.longest, self.travel = longest, travel
+        self.in_inches: str | None = None  # the column that the row being read gives in inches
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
         known = schema.columns(content.of_table)
@@ -450,8 +421,7 @@ class Rows(Generic[R]):
             cells = {name: text for name, text in plain.items() if text not in (None, "")}
             self.cells.append(cells)
             self.rows.append(None)
-            inches = schema.inches and schema.inches in cells  # a column may have no name
-            self.in_inches = [*schema.needed][-1] if inches else ""
+            self.in_inches = [*schema.needed][-1] if schema.inches in cells else None
             given = {name: text for name, text in cells.items() if name in known}
             try:
                 self.rows[index] = schema.model_validate(
@@ -459,18 +429,14 @@ class Rows(Generic[R]):
                 )
             except ValidationError as error:
                 content.take(error, schema, (*path, index), words)
-            if self.in_inches and self.in_inches in cells:
-                self.note(index, schema.inches, "The row has two readings.", _READING)
-            for name, text in cells.items():
-                if name not in known and not isinstance(text, str):
-                    self.note(index, name, *WORDS["string_type"])
-        # On the columns without a meaning, if there are any; a table's may be empty.
+            if schema.inches and self.in_inches in cells:
+                remedy = f"Keep one of {self.in_inches} and {schema.inches}."
+                self.note(index, schema.inches, "The row has two readings.", remedy)
         columns = dict.fromkeys(name for cells in self.cells for name in cells)
         names = content.columns if isinstance(content, Table) else columns
         self.remarks = unused("Columns", (name for name in names if name not in known), known)
 
     def line(self, index: int) -> int:
-        """The line at which a row begins."""
         return self.content.lines[*self.path, index]
 
     @property
@@ -480,7 +446,6 @@ class Rows(Generic[R]):
         return replace(self.content.document.source, simulated=simulated)
 
     def note(self, index: int, column: str, fault: str, remedy: str) -> None:
-        """Note a fault in row `index`."""
         self.content.note((*self.path, index, column), fault, remedy)
         self.rows[index] = None
 
@@ -517,16 +482,14 @@ def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
 
 def _check_order(rows: Rows[Timed]) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
-    first: dict[int, int] = {}
-    for index, row in rows.sound:
-        if row.seq is not None and first.setdefault(row.seq, index) != index:
-            fault = f"The same number is in line {rows.line(first[row.seq])}."
-            remedy = "Number the readings in the order in which they were taken."
-            rows.note(index, "seq", fault, remedy)
     in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
     for (before, one), (after, other) in pairwise(in_time):
-        if one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
-            fault = f"Time runs backwards: line {rows.line(before)} was taken before this one."
+        line = rows.line(before)
+        if other.seq is not None and other.seq == one.seq:
+            remedy = "Number the readings in the order in which they were taken."
+            rows.note(after, "seq", f"The same number is in line {line}.", remedy)
+        elif one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
+            fault = f"Time runs backwards: line {line} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
             column = "minutes" if "minutes" in rows.cells[after] else "timestamp"
             rows.note(after, column, fault, remedy)
@@ -541,17 +504,19 @@ def readings_in(
     content: Content,
     machine: Machine,
     path: Steps = (),
-    *,
     started: str | None = None,
     remarks: Sequence[Reason] = (),
 ) -> Readings:
-    """Convert and check the readings of a file, by the limits of a machine.
+    """Readings of a file, checked by the limits of a machine.
 
-    `path` is that of their list, `started` (ISO 8601) counts where there are no `minutes`; remarks
-    are added to those given. Raises InputError: everything that is wrong with the file.
+    `path` is that of their list; `started` (ISO 8601) counts where there are no `minutes`.
+    Raises InputError: everything that is wrong with the file.
     """
     longest = dict.fromkeys(("reading_mm", "entered"), machine.leg_mm)
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
+    for index, cells in enumerate(rows.cells):
+        if cells and cells.keys().isdisjoint(("reading_mm", ReadingRow.inches)):
+            rows.note(index, "reading_mm", "The reading is missing.", _READING)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
     _check_order(rows)
@@ -566,10 +531,7 @@ def readings_in(
 def readings_of(
     rows: Sequence[ReadingRow], machine: Machine, source: Source, lines: Sequence[int]
 ) -> Readings:
-    """Checked rows in the order of their file, and their lines, as arrays.
-
-    The machine gives the postures.
-    """
+    """Checked rows in the order of their file, and their lines, as arrays."""
     first = rows[0]  # what is numbered or timed in one row is so in all
     in_time, minutes, timed = _times_of(rows)
     order = np.argsort(in_time)
@@ -610,11 +572,10 @@ def readings_of(
 
 
 def reading_rows(readings: Readings) -> list[ReadingRow]:
-    """The readings as a file holds them, in their order.
+    """The readings as a file holds them, in their order; times are rounded to 1e-6 minutes.
 
-    Reading them back gives exactly the same values, postures, order and set-ups, and the times to
-    1e-6 minutes. Set-ups that the reader could not distinguish by part, leg, direction, position
-    and gauge get labels of their own.
+    Set-ups that a reader could not distinguish by part, leg, direction, position and gauge get
+    labels of their own.
     """
     plan, gauges = readings.plan, readings.gauge
     seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
@@ -656,7 +617,7 @@ def row_at(cell: PlannedReading, posture: str, *, several: bool) -> ReadingRow:
 
 
 def readings_csv(readings: Readings) -> str:
-    """The text of a readings file, without columns that would be empty; see `reading_rows`."""
+    """The text of a readings file, without columns that would be empty."""
     rows = [row.cells() for row in reading_rows(readings)]
     columns = [name for name in ReadingRow.columns() if any(name in row for row in rows)]
     cells = ([row.get(name) for name in columns] for row in rows)
@@ -697,7 +658,6 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
 
 
 def _remarks(readings: Readings, machine: Machine) -> Iterator[Reason]:
-    """Remarks on readings in which nothing is wrong."""
     travel = machine.instrument.most_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
@@ -715,7 +675,6 @@ BEYOND = 1.2
 
 
 def _touches(table: Table, bed: Bed) -> Readings:
-    """The touches of a CSV. Raises InputError with everything that is wrong."""
     away, high = 2.0 * bed.radius_mm, bed.highest_mm
     longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
     checking = Rows(table, ProbeRow, longest=longest)
@@ -769,7 +728,6 @@ def probe_points_csv(readings: Readings) -> str:
 
 
 def _differences(table: Table, machine: Machine) -> Differences:
-    """The differences of a CSV. Raises InputError with everything that is wrong."""
     longest = {"value_mm": machine.leg_mm}
     rows = Rows(table, DifferenceRow, longest=longest, travel=machine.limits_mm)
     remarks = [*rows.remarks]
@@ -806,7 +764,10 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
 
 
 def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
-    """Readings, touches or differences, by the header of a CSV. Raises InputError as they do."""
+    """Readings, touches or differences, by the header of a CSV.
+
+    Raises InputError with everything that is wrong.
+    """
     table = Table(document)
     columns = set(table.columns)
     probed = columns & {"x_mm", "y_mm"} and not columns & {"leg", "difference"}
@@ -899,22 +860,30 @@ class Conditions(Circumstances):
         return (min(known) + max(known)) / 2.0 if known else None
 
 
-def conditions_in(readings: Readings | Differences) -> Conditions:
-    """Conditions that the readings alone state."""
+def conditions_in(
+    readings: Readings | Differences, frame: Circumstances = Circumstances(), **counts: int
+) -> Conditions:
+    """Conditions that the readings state, in a frame; with `counts` of what does not count."""
     if not isinstance(readings, Readings):
         return Conditions()
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
-    labels = dict.fromkeys(label for label in readings.gauge if label)
+    stated = {"", *(gauge.id for gauge in frame.gauges)}
+    labels = (label for label in dict.fromkeys(readings.gauge) if label not in stated)
     notes = zip(readings.line.tolist(), readings.note, strict=True)
     return Conditions(
-        temperature_c=tuple(known),
-        gauges=tuple(GaugeIdentity(id=label) for label in labels),
-        notes=tuple((line, note) for line, note in notes if note),
+        **dict(frame)
+        | {
+            "environment": {name: text for name, text in frame.environment.items() if text},
+            "temperature_c": tuple(known),
+            "gauges": (*frame.gauges, *(GaugeIdentity(id=label) for label in labels)),
+            "notes": tuple((line, note) for line, note in notes if note),
+        }
+        | counts
     )
 
 
 class Session(Circumstances):
-    """A session as its file holds it; keys that are unknown are kept out of it, and reported."""
+    """A session as its file holds it."""
 
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
     protocol: str | None = ""
@@ -949,7 +918,7 @@ def session_from_tree(
         raise InputError(fault, "Leave --machine out.", file=tree.file) from error
     recorded = machine_file.machine_in(tree, ("machine",))
     replaced = Rows(tree, ReadingRow, ("retaken",))
-    skipped = Rows(tree, ReadingRow, ("skipped",), wanted=False)
+    skipped = Rows(tree, ReadingRow, ("skipped",))
     stated = ((key, tree.value.get(key)) for key in Circumstances.model_fields)
     frame = Circumstances()
     try:
@@ -968,21 +937,13 @@ def session_from_tree(
     if recorded and (names := machine_file.differing(recorded, judge)):
         machines = {"recorded": recorded.machine.name, "given": judge.machine.name}
         remarks.insert(0, Reason.of("other_machine", **machines, keys=names))
-    # The readings pass the same checks as those of a CSV; faults around them are raised with
-    # theirs.
-    start = frame.started
-    readings = readings_in(tree, judge.machine, ("readings",), started=start, remarks=remarks)
-    conditions, labels = conditions_in(readings), {gauge.id for gauge in frame.gauges}
-    others = (gauge for gauge in conditions.gauges if gauge.id not in labels)
-    environment = {name: text for name, text in frame.environment.items() if text}
-    origins = (environment.get(name, "") for name in ("readings_from", "source"))
+    # Faults around the readings are raised with theirs.
+    readings = readings_in(tree, judge.machine, ("readings",), frame.started, remarks)
+    origins = (frame.environment.get(name) or "" for name in ("readings_from", "source"))
     if any(origin.startswith("simulated") for origin in origins):
         readings = replace(readings, source=replace(readings.source, simulated=True))
     counts = {"retaken": len(replaced.cells), "skipped": len(skipped.cells)}
-    gauges = *frame.gauges, *others
-    given = dict(frame) | counts | {"gauges": gauges, "environment": environment}
-    conditions = conditions.changed(**given)
-    return readings, judge, conditions, recorded
+    return readings, judge, conditions_in(readings, frame, **counts), recorded
 
 
 def session_json(session: Session) -> dict[str, object]:

@@ -1,7 +1,6 @@
 """A live adjustment: loosen, push until the gauge reads what it should, tighten, check.
 
-Each parameter has five steps in the journal, one for each phase; what is pushed is read again and
-again. Progress follows from what was read, whatever interrupted it.
+Each parameter has a step in the journal for each phase. Progress follows from what was read.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -172,7 +171,7 @@ class AdjustingDialogue(Dialogue):
         begun = f" Resumed: {len(self.state.accepted)} readings." if self.state.accepted else ""
         self.asker.say(f"To be adjusted: {names}.{begun} ? is help.", Style.TITLE)
 
-    def run(self) -> State:
+    def run(self) -> None:
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
             for setup, one in enumerate(self.adjusted, start=1):
@@ -188,7 +187,6 @@ class AdjustingDialogue(Dialogue):
                     break
             else:
                 self.write(events.Ended(at=self.now(), reason="complete"))
-        return self.state
 
     def _doubted(self, one: Adjusted) -> bool:
         """True if the operator takes the readings of a check that failed again."""

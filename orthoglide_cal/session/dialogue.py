@@ -1,7 +1,4 @@
-"""A guided session: how it begins or goes on, its loop, its words, and where its file is.
-
-The loop shows a step, waits for an answer, checks it and puts it on the disk.
-"""
+"""A guided session: how it begins or goes on, its loop, its words, and where its file is."""
 
 import os
 import re
@@ -57,7 +54,6 @@ from orthoglide_cal.session.gauges import (
     SerialGauge,
     SimulatedGauge,
     Standing,
-    Stood,
     Token,
     by_axis,
     parse_typed,
@@ -75,8 +71,7 @@ from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed,
 TYPED, VIRTUAL = "typed", "simulated"
 JOURNAL = ".journal"
 _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
-# What every U before the end leaves out: asking what else may be wrong takes all readings.
-UNLESS = "95 % if nothing else is wrong"
+UNLESS = "95 % if nothing else is wrong"  # of U: what else may be wrong shows at the end only
 WAIT_S = 0.3  # how often a machine that is followed is looked at
 
 HELP = """\
@@ -105,8 +100,7 @@ Not kept: the gauge cannot show this. Read it again, or skip it: s and why.
 Set a gauge that has a preset to zero. If its stated range is wrong: q, then
 correct range_mm in the machine file and begin anew."""
 
-# Keys as words, too.
-_KEYS = {
+_KEYS = {  # as words, too
     **{key: key for key in "urnstq?"},
     **{"undo": "u", "back": "u", "retake": "r", "note": "n", "skip": "s", "help": "?"},
     **dict.fromkeys(("quit", "exit"), "q"),
@@ -114,15 +108,12 @@ _KEYS = {
 
 
 class Quit(Exception):
-    """The operator leaves a session before its end: saved, to be resumed later."""
+    """The operator leaves a session before its end, to be resumed later."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """The operator's wishes on the command line; None where it says nothing.
-
-    What stands in `events.Opened` too must not change while a session lasts.
-    """
+    """The operator's wishes on the command line; None where it says nothing."""
 
     path: Path | None = None  # of the session file
     resume: bool = False  # go on with an unfinished session
@@ -180,7 +171,7 @@ class Dialogue:
     def greet(self) -> None:
         """Say what lies ahead, or what was there already."""
         opened, steps, first = self.state.opened, self.setting.steps, self.setting.first
-        cycles = counted(opened.cycles, "cycle")
+        cycles, moves = counted(opened.cycles, "cycle"), counted(gauge_moves(steps), "gauge move")
         head = f"{opened.protocol} session, {cycles}, order: {opened.order}"
         if opened.protocol is MeasuringProtocol.BEST:
             head += f"\nFewest readings for the offsets. What is given up: {GIVES_UP}."
@@ -189,25 +180,20 @@ class Dialogue:
             head = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             head += " both are solved together at the end."
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
-        set_ups = counted(len({step.setup for step in steps}), "set-up")
-        moves = counted(gauge_moves(steps), "gauge move")
-        following = self.setting.following
+        set_ups, following = counted(steps[-1].setup, "set-up"), self.setting.following
         long = duration(following.minutes if following else clock(steps)[-1]).lower()
         counts = f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help."
         self.asker.say(f"{head}\nFile     {visible(str(self.path))}\n{counts}")
         if lost := self.journal.lost:
-            self.asker.say(
-                f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"
-                " was shown as saved is missing.",
-                Style.BAD,
-            )
+            cut = f"The interruption cut off the last entry ({lost} bytes): ignored."
+            self.asker.say(f"{cut} No reading that was shown as saved is missing.", Style.BAD)
         if self.state.count > 1 + bool(self.state.planned):
             resumed = f"Resumed: {counted(len(self.state.accepted), 'reading')} so far."
             self.asker.say(resumed, Style.GOOD)
             self._say_offsets()
 
-    def run(self) -> State:
-        """Lead through what is left, to the state at the end.
+    def run(self) -> None:
+        """Lead through what is left.
 
         Raises Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
         InputError: the journal cannot be written any more.
@@ -222,7 +208,6 @@ class Dialogue:
                 whole = "ended" if self.state.skipped else "complete"
                 reason = next(iter(self.state.dropped.values()), whole)
                 self.write(events.Ended(at=self.now(), reason=reason))
-        return self.state
 
     def offer_again(self) -> None:
         """Ask whether what was left out is read after all, and what was kept in doubt read again.
@@ -251,12 +236,12 @@ class Dialogue:
 
         Raises UsageError if another file has the name, InputError if it cannot be written.
         """
-        stored = self.path.read_bytes() if self.path.is_file() else None
+        state, stored = self.state, self.path.read_bytes() if self.path.is_file() else None
         if stored != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
             records = self.journal.events
             ends = [at for at, event in enumerate(records, 1) if isinstance(event, events.Ended)]
-            before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
+            before = (ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends)
             mine = stored in [session_text(session).encode() for session in before]
             try:
                 write_text(self.path, text, overwrite=mine)
@@ -264,13 +249,12 @@ class Dialogue:
                 again = command("measure", str(self.path), options="--resume")
                 error.remedy += f" The readings are safe in the journal; then: {again}"
                 raise
-        state = self.state
         counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
-        lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
+        text = f"\nSession {reason}: {counts}. Written to {visible(str(self.path))}"
         for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
-            lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
-        self.asker.show("\n".join(lines), Style.GOOD)
+            text += f"\nBefore the next session, turn the bar of leg {AXES[leg].upper()} back."
+        self.asker.show(text, Style.GOOD)
 
     def reveal(self) -> None:
         """Say, after a simulated session, which offsets were hidden."""
@@ -282,65 +266,55 @@ class Dialogue:
     # ---- the words that lead through it, in plain characters
 
     def _set_up(self, setup: int, begun: bool) -> tuple[str, str]:
-        """Heading of a gauge set-up, and its instructions.
-
-        Once it is `begun`, readings were taken in it: the stands must stay where they are.
-        """
+        """Heading and instructions of a gauge set-up; once it is `begun` its stands must stay."""
         setting, columns = self.setting, self.asker.keyboard.columns
         here = [step for step in setting.steps if step.setup == setup]
-        planned, following = here[0].cell, setting.following
-        leg, contact = AXES[planned.leg].upper(), planned.contact
-        directions = sorted({step.direction for step in here})
-        names = [AXES[direction].upper() for direction in directions]
-        s = "s" if len(directions) > 1 else ""
-        last = max(step.setup for step in setting.steps)
-        heading = f"-- Set-up {setup} of {last}: leg {leg}, gauge{s} {' and '.join(names)} "
+        cell, following = here[0].cell, setting.following
+        leg, names = AXES[cell.leg].upper(), sorted({AXES[s.direction].upper() for s in here})
+        s = "s" * (len(names) > 1)
+        heading = f"-- Set-up {setup} of {setting.steps[-1].setup}: leg {leg}, gauge{s}"
+        heading += f" {' and '.join(names)} "
         right = f" steps {here[0].number}-{here[-1].number}"
         rule = f"{heading}{'-' * max(columns - 2 - len(heading) - len(right), 1)}{right}"
-        if contact is not Contact.FIXED:
-            words = [
-                "1. Gauge on the XY surface, plunger down on the leg: higher reads more.",
-                f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
-                "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
-            ]
-        elif following and following.continues and not begun and setup == 1:
-            path = visible(following.data.path)
-            words = [
-                "Do not touch the stands: they must be where they were for the last reading",
-                f"of {path}. If one was touched since: q, and measure anew.",
-            ]
-        elif begun:
-            words = [
-                "The stands are in place: do not touch them. If one was moved anyway,",
-                "just continue: the next reading will be questioned; then answer m.",
-            ]
-        else:
-            words = []
-            rows = setting.first.rows if setting.first else []
-            bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
-            if planned.turned:
-                sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
-                words = [
-                    f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,",
-                    f"   turn it half round its own axis (what faced {sides} then faces away),"
-                    " tighten.",
-                ]
-            elif bars and bars[-1]:
-                words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
-            half = "half-way: " if planned.gauge_at == 0.5 else ""
-            place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
-            moved = [step.cell.displacement for step in here]
-            # A gauge on the + side reads more when the leg is pushed towards +.
-            places = ", ".join(f"{name} on the +{name} side" for name in names)
-            words += [
-                "1. Drive to the isotropic posture: each leg lies along its own axis.",
-                f"   Put the stand{s} on the base, not on a moving part.",
-                f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
-                f"3. Gauge {places}: leg pushed to + must read more.",
-                f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
-                " Then touch no stand.",
-            ]
-        return rule, "\n".join(words)
+        if cell.contact is not Contact.FIXED:
+            return rule, (
+                "1. Gauge on the XY surface, plunger down on the leg: higher reads more.\n"
+                f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.\n"
+                "3. Joint end: at the carriage joint. Tool end: at the tool centre point."
+            )
+        if begun:
+            return rule, (
+                "The stands are in place: do not touch them. If one was moved anyway,\n"
+                "just continue: the next reading will be questioned; then answer m."
+            )
+        if following and following.continues and setup == 1:
+            return rule, (
+                "Do not touch the stands: they must be where they were for the last reading\n"
+                f"of {visible(following.data.path)}. If one was touched since: q, and measure anew."
+            )
+        rows, turn = setting.first.rows if setting.first else [], ""
+        if cell.turned:
+            sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(cell.leg))
+            turn = (
+                f"0. Turn the bar of leg {leg}, unless it is turned already: loosen both ends,\n"
+                f"   turn it half round its own axis (what faced {sides} then faces away),"
+                " tighten.\n"
+            )
+        elif any([row.bar for row in rows if row.leg == AXES[cell.leg]][-1:]):
+            turn = f"0. Turn the bar of leg {leg} back, as it was at first.\n"
+        half = "half-way: " if cell.gauge_at == 0.5 else ""
+        place = f"{half}{cell.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
+        moved = [step.cell.displacement for step in here]
+        # A gauge on the + side reads more when the leg is pushed towards +.
+        places = ", ".join(f"{name} on the +{name} side" for name in names)
+        return rule, (
+            f"{turn}1. Drive to the isotropic posture: each leg lies along its own axis.\n"
+            f"   Put the stand{s} on the base, not on a moving part.\n"
+            f"2. Plunger{s} on leg {leg}, {place}, square to the leg.\n"
+            f"3. Gauge {places}: leg pushed to + must read more.\n"
+            f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
+            " Then touch no stand."
+        )
 
     def _step_line(self, step: SessionStep) -> str:
         """Place of step n of N, and the time that is left."""
@@ -376,10 +350,7 @@ class Dialogue:
     # ---- what is asked
 
     def _ask_for(self, step: SessionStep) -> None:
-        """Show where to drive, as far as it is new or has moved up the screen, and take a reading.
-
-        A new set-up is shown whole; of another visit of the machine its place.
-        """
+        """Show where to drive, if it is new or has moved up the screen, and take a reading."""
         asker, place, new = self.asker, self._place(step), step.visit != self._shown
         if new:
             gap = "\n"
@@ -402,23 +373,22 @@ class Dialogue:
         prompt = f"{place}\n{gauge}{asker.hint} > "
         self._receive(asker.ask(prompt, step, self.state.takes(step.number)), step)
 
-    def _stood(self, step: SessionStep) -> Stood:
-        """Place of the machine, if it is followed; says once that it is not any more."""
-        if self.standing is None:
-            return Stood()
-        try:
-            return self.standing.at(*self.setting.point(step), self.setting.machine.home_mm)
-        except (OSError, ValueError) as gone:
-            self.standing.close()
-            self.standing = None
-            lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
-            self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
-            return Stood()
+    def _stood(self, step: SessionStep) -> tuple[float, str]:
+        """As `Standing.at`; nowhere if it is not followed, which is said once if it was."""
+        if standing := self.standing:
+            try:
+                return standing.at(*self.setting.point(step), self.setting.machine.home_mm)
+            except (OSError, ValueError) as gone:
+                standing.close()
+                self.standing = None
+                lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
+                self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
+        return 0.0, ""
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
         waiting, keyboard = False, self.asker.keyboard
-        while self._stood(step).away_mm > NEAR_MM:
+        while self._stood(step)[0] > NEAR_MM:
             if not waiting:
                 self.asker.say("   waiting until the machine stands there (Return: continue)")
             waiting = True
@@ -432,14 +402,11 @@ class Dialogue:
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
-        may_move = pending.doubt.compares
-        value = value_text(pending.value_mm, self.request.unit)
-        asked = f"Step {step.number}, {value}:\n  {pending.question}"
-        here = step.cell, step.zero
+        may_move, value = pending.doubt.compares, value_text(pending.value_mm, self.request.unit)
+        asked, here = f"Step {step.number}, {value}:\n  {pending.question}", (step.cell, step.zero)
         alike = [s.number for s in self.so_far.steps if (s.cell, s.zero) == here]
-        if len(alike) == 1 and pending.doubt.compares:  # either of the two may be the wrong one
-            (number,) = alike
-            asked += f"\n  Or was step {number} wrong? r {number} reads both again."
+        if len(alike) == 1 and may_move:  # either of the two may be the wrong one
+            asked += f"\n  Or was step {alike[0]} wrong? r {alike[0]} reads both again."
         self.asker.say(asked, Style.QUESTION)
         keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
         moved = "m the stand moved, " if may_move else ""
@@ -453,23 +420,20 @@ class Dialogue:
                 self.asker.say(OUT_OF_RANGE, Style.BAD)
                 return
             if pending.doubt is Doubt.PLACE:
-                why = _clean(why) or self._words("Why is it kept? (Return: it is not) > ")
-                if not why:
+                asked = "Why is it kept? (Return: it is not) > "
+                if not (why := _clean(why) or self._words(asked)):
                     return
                 self.write(events.Noted(at=self.now(), step=step.number, text=why))
-            self._keep(pending)
+            self._accept(events.Answered(at=self.now(), keep=True))
         elif word == "m" and may_move:
-            self._keep(pending, moved=True)
+            self._accept(events.Answered(at=self.now(), keep=True, moved=True))
         elif _KEYS.get(word) == "u":
             self._undo()
         else:
             self._receive(answer, step)
 
     def _agrees(self, prompt: str) -> bool:
-        """True if a question is answered with yes, False with no or Return; else it is asked again.
-
-        Raises Quit.
-        """
+        """True for yes, False for no or Return; else it is asked again. Raises Quit."""
         while (answer := self._words(prompt).lower()) not in ("y", "yes"):
             if answer in ("", "n", "no"):
                 return False
@@ -522,28 +486,24 @@ class Dialogue:
 
     def _undo(self) -> None:
         """Take back the reading that is questioned, else the last that counts, retake or skip."""
-        if self.state.pending:
-            self.write(events.Answered(at=self.now(), keep=False))
-        else:
-            self.write(events.Undone(at=self.now()))
+        at, pending = self.now(), self.state.pending
+        self.write(events.Answered(at=at, keep=False) if pending else events.Undone(at=at))
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        stood = self._stood(step)
-        taken = self._taken(step, token, stood.words)
+        away_mm, remark = self._stood(step)
+        taken = self._taken(step, token, remark)
         value = taken.value_mm
         readings = ReadingsSoFar(advance(self.state, taken), self.setting)
         question = check(readings, token.unit or self.request.unit)
-        if stood.away_mm > NEAR_MM:
-            far = f"The machine stands {stood.away_mm:.2f} mm from this posture: drive there first?"
+        if away_mm > NEAR_MM:
+            far = f"The machine stands {away_mm:.2f} mm from this posture: drive there first?"
             question = Question(Doubt.PLACE, far)
         if question is None:
-            self.write(taken)
-            self._acknowledge(step, value)
+            self._accept(taken)
             return
         doubt, text = question
-        asked = Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text)
-        self.write(asked)
+        self.write(Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text))
         self.asker.rest(driving=False)
         before = [old for old, _ in self.state.replaced if old.step == step.number]
         near = (o for o in before if abs(value - o.value_mm) <= 3.0 * readings.sigma_mm)
@@ -553,46 +513,36 @@ class Dialogue:
             self.asker.say(OUT_OF_RANGE, Style.BAD)
         elif again:
             self.asker.say("The same reading again: kept, with a note.")
-            self._keep(asked)
+            self._accept(events.Answered(at=self.now(), keep=True))
 
     def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
         """The record of a reading that arrives now."""
-        at, value = self.now(), token.mm(self.request.unit)
-        if value is None:
-            raise ValueError("an error message is not a reading")
+        at = self.now()
         gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
         # A clock that was set back must not turn the order of the readings around.
         earlier = [item.take.minutes for item in self.state.accepted.values()]
         return events.Taken(
-            at=at,
-            step=step.number,
-            minutes=max([0.0, gone.total_seconds() / 60.0, *earlier]),
-            value_mm=value,
-            raw=token.raw[:80],
-            source=token.source,
+            at=at, step=step.number, minutes=max([0.0, gone.total_seconds() / 60.0, *earlier]),
+            value_mm=token.mm(self.request.unit), raw=token.raw[:80], source=token.source,
             remark=remark,
-        )
+        )  # fmt: skip
 
-    def _keep(self, reading: Questioned, moved: bool = False) -> None:
-        self.write(events.Answered(at=self.now(), keep=True, moved=moved))
-        self._acknowledge(self.setting.steps[reading.step - 1], reading.value_mm)
-
-    def _acknowledge(self, step: SessionStep, value: float) -> None:
-        """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        so_far, last = self.so_far, ""
-        stays = any(other.visit == step.visit for other in so_far.left[:1])
+    def _accept(self, event: Event) -> None:
+        """Save a reading; after the last gauge of a posture, say the offsets so far."""
+        self.write(event)
+        so_far, unit, last = self.so_far, self.request.unit, ""
+        stays = any(other.visit == so_far.steps[-1].visit for other in so_far.left[:1])
         self.asker.rest(driving=not stays)
         for i in so_far.repeats[-1:]:
-            before = value_text(float(so_far.value[i]), self.request.unit)
-            last = f"   (cycle {so_far.steps[i].cycle}: {before})"
-        saved = f"   saved {value_text(value, self.request.unit)}{last}"
+            last = f"   (cycle {so_far.steps[i].cycle}: {value_text(float(so_far.value[i]), unit)})"
+        saved = f"   saved {value_text(float(so_far.value[-1]), unit)}{last}"
         self.asker.say(saved, Style.GOOD, pushes=not stays)
         if not stays:
             self._say_offsets()
             self._shorten()
 
     def _say_offsets(self) -> None:
-        """The offsets so far with their U; what else may be wrong adds to it at the end only."""
+        """The offsets so far with their U."""
         solution, expanded = self.so_far.solution, self.so_far.expanded_mm
         if solution is None or expanded is None:
             return
@@ -608,16 +558,13 @@ class Dialogue:
         until, known = self.request.until_mm, self.so_far.expanded_mm
         if until is None or self.state.dropped or known is None or (known > until).any():
             return
-        if not (dropped := self.so_far.unneeded()):
-            return
-        reason = f"ended early, every offset is known within {until:g} mm"
-        drop = tuple(step.number for step in dropped)
-        self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
-        self.asker.say(
-            f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {len(dropped)}"
-            f" readings, {duration(clock(dropped)[-1]).lower()}.",
-            Style.GOOD,
-        )
+        if dropped := self.so_far.unneeded():
+            reason = f"ended early, every offset is known within {until:g} mm"
+            drop = tuple(step.number for step in dropped)
+            self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
+            left_out = f"{len(dropped)} readings, {duration(clock(dropped)[-1]).lower()}"
+            text = f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {left_out}."
+            self.asker.say(text, Style.GOOD)
 
     # ---- keys
 
@@ -753,7 +700,7 @@ def open_session(request: Request, asker: Asker, opened: ExitStack) -> Dialogue:
     """Begin a session, or go on with one; what is `opened` is closed with it.
 
     Raises UsageError: what is asked for does not go together, or with what is there; InputError,
-    GaugeLost: a file or the gauge cannot be used; EOFError, KeyboardInterrupt: nobody answers.
+    GaugeLost: a file or the gauge cannot be used; EOFError: nobody answers.
     """
     _check_options(request)
     path = session_file(request.path, Path(), request.resume)
@@ -808,7 +755,7 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     """The first records, once the operator has agreed to the machine and its active offsets.
 
     And to the measurement that is recommended, if one is to be carried out. Nobody is asked who
-    has agreed already, or has no terminal. What the command line leaves open is standard.
+    has agreed already, or has no terminal.
     """
     first, following, change = None, None, ""
     session = GuidedSession().changed(**request.session)
@@ -858,11 +805,9 @@ def _confirmed(model: Model, also: bool, asker: Asker) -> Model:
 
     `also`: to measure what is recommended. Raises UsageError: it is another machine; EOFError.
     """
-    question = (
-        "Is it this machine, with these offsets in its controller"
-        f"{', and shall this be measured now' * also}? Return: yes.  n: no."
-        "  Other offsets: type the three, in mm."
-    )
+    question = "Is it this machine, with these offsets in its controller"
+    question += f"{', and shall this be measured now' * also}? Return: yes.  n: no."
+    question += "  Other offsets: type the three, in mm."
     asker.say(question, Style.QUESTION)
     while True:
         answer = asker.ask("Return, n, or the three offsets > ")
@@ -915,17 +860,13 @@ def planned_next(
     change = np.subtract((x, y, z), first.left_entered)
     # To act they were homed for, and that has pushed stands that were still there.
     moved = bool(change.round(6).any())
-    number = request.choice or next(
-        k for k, option in enumerate(options, 1) if not (moved and option.continues)
-    )
-    option = options[number - 1]
+    possible = (option for option in options if not (moved and option.continues))
+    option = options[request.choice - 1] if request.choice else next(possible)
     plan = GaugePlan.require(option.plan)
     if moved and option.continues:
-        raise UsageError(
-            "The offsets in the controller were changed since the last reading: that"
-            " measurement needs the machine and the stands as they were.",
-            "Leave out --choice for one with the stands set up again.",
-        )
+        fault = "The offsets in the controller were changed since the last reading: that"
+        fault += " measurement needs the machine and the stands as they were."
+        raise UsageError(fault, "Leave out --choice for one with the stands set up again.")
     if option.continues and request.session.get("stands") == 1 and len(set(plan.series)) > 1:
         fault = "That measurement needs the two gauges where they are."
         raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
@@ -936,39 +877,32 @@ def planned_next(
     plan = replace(plan, entered=(plan.entered + change).round(9))
     if not moved:
         return plan, following, ""
-    changed = (
-        f"Since {visible(first.path)} was measured, the offsets in the controller were changed"
-        f" by {by_axis(change, '+.4g')} mm: the new readings are written with that"
-        " difference."
-    )
-    return plan, following, changed
+    path, by = visible(first.path), by_axis(change, "+.4g")
+    changed = f"Since {path} was measured, the offsets in the controller were changed by {by} mm:"
+    return plan, following, f"{changed} the new readings are written with that difference."
 
 
 def _recommended(
     path: str, request: Request
 ) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
-    keeper, choice = request.keeper, request.choice
+    keeper, choice = request.keeper, request.choice or 1
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
     given = read_input(data, request.model, request.otherwise)
     given.model.machine.check_guided()
     if names := machine_file.differing(given.recorded or given.model, given.model):
-        raise UsageError(
-            f"{path} was measured on another machine than that of --machine: they differ in"
-            f" {', '.join(names)}.",
-            "Leave out --machine to use the machine of the session.",
-        )
+        fault = f"{path} was measured on another machine than that of --machine: they differ in"
+        remedy = "Leave out --machine to use the machine of the session."
+        raise UsageError(f"{fault} {', '.join(names)}.", remedy)
     first = PriorReadings(data, given)
     if not first.plan.fixed:
-        raise UsageError(
-            f"{path} was measured with the single-posture protocol. Further readings need fixed"
-            " gauges; readings of both kinds cannot be joined.",
-            "Measure a separate session: orthocal measure",
-        )
+        fault = f"{path} was measured with the single-posture protocol. Further readings need fixed"
+        fault += " gauges; readings of both kinds cannot be joined."
+        raise UsageError(fault, "Measure a separate session: orthocal measure")
     options = rank_measurements(diagnose(first.readings, first.model))
-    if choice is not None and choice > len(options):
+    if choice > len(options):
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.machine.active + first.left_entered
@@ -983,10 +917,8 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
         return model
     most = min(model.machine.travel_mm, LARGEST_OFFSET_MM)
     if len(offsets_mm) != 3 or not all(abs(value) < most for value in offsets_mm):
-        raise UsageError(
-            "These are not three joint offsets.",
-            f"Give X, Y and Z in mm, none beyond the travel of {most:g} mm: 0.412 -0.3 0",
-        )
+        remedy = f"Give X, Y and Z in mm, none beyond the travel of {most:g} mm: 0.412 -0.3 0"
+        raise UsageError("These are not three joint offsets.", remedy)
     return model.holding(offsets_mm)
 
 
@@ -1002,10 +934,8 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
             raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
         return source, None
     if first and (hidden is None or request.seed not in (None, hidden)):
-        raise UsageError(
-            f"{first.path} was not measured on this simulated machine.",
-            f"Leave out --gauge and --seed{': it is measured again' if drawn else ''}.",
-        )
+        remedy = f"Leave out --gauge and --seed{': it is measured again' if drawn else ''}."
+        raise UsageError(f"{first.path} was not measured on this simulated machine.", remedy)
     seeds = (hidden, request.seed, secrets.randbelow(1_000_000))
     return source, next(seed for seed in seeds if seed is not None)
 
@@ -1013,7 +943,7 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
 def _setting_in(journal: Journal) -> Setting:
     """Machine, steps and earlier readings. Raises InputError."""
     path, opened, planned = str(journal.path), journal.state.opened, journal.state.planned
-    model = machine_file.machine_from_text(opened.machine, path)
+    model = machine_file.stored_machine(opened.machine, path).model
     if planned is None:
         steps = opened.session.steps(model.machine)
     else:
@@ -1021,11 +951,9 @@ def _setting_in(journal: Journal) -> Setting:
         steps = steps_of(cells[0].planned(cells), model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
-        raise InputError(
-            "The journal has a step that this session does not have, or another reading for it.",
-            "Restore the file from a copy; or move it away and begin again.",
-            file=path,
-        )
+        fault = "The journal has a step that this session does not have, or another reading for it"
+        remedy = "Restore the file from a copy; or move it away and begin again."
+        raise InputError(f"{fault}.", remedy, file=path)
     return Setting(model, steps, planned.following if planned else None)
 
 
@@ -1070,26 +998,22 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
 
 
 def session_path(given: Path) -> Path:
-    """The session file that is meant by a name, which may have no suffix.
-
-    Raises UsageError where it cannot be the name of a file.
-    """
+    """The session file of a name, perhaps without suffix. Raises UsageError: no name of a file."""
     if given.name in ("", ".."):
         fault = "A session must be a file; this is not one."
         raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
-    if given.suffix in (".yaml", ".yml"):
-        return given
-    return given.with_name(f"{given.name}.yaml")
+    named = given.suffix in (".yaml", ".yml")
+    return given if named else given.with_name(f"{given.name}.yaml")
 
 
 def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     """The file of the session to begin or to go on with.
 
     Without a name it is, in the folder, the first free one of `session.yaml`, `session-2.yaml` …,
-    or that of the only unfinished session. Raises UsageError: it exists, or there is an unfinished
-    session, unless it is a practice; or, to go on, there is none, or there are several.
+    or that of the only unfinished session. Raises UsageError: it exists, or a session that is no
+    practice is unfinished; to go on, there is none, or there are several.
     """
     if given is None:
         waiting = unfinished(folder)
@@ -1101,18 +1025,15 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             fault = several if waiting else "There is no unfinished session in this folder."
             raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
         if not all(map(is_practice, waiting)):  # a practice is no part of the loop
-            raise UsageError(
-                f"There is an unfinished session here: {names}.",
-                "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
-            )
+            fault = f"There is an unfinished session here: {names}."
+            remedy = "Continue with --resume, or name a file for a new one:"
+            raise UsageError(fault, f"{remedy} orthocal measure NAME.yaml")
         return free_path(folder, "session", ".yaml", JOURNAL)
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
-        raise UsageError(
-            f"{path} exists; a session is never overwritten.",
-            "Name another file, or continue an unfinished session with --resume.",
-        )
+        remedy = "Name another file, or continue an unfinished session with --resume."
+        raise UsageError(f"{path} exists; a session is never overwritten.", remedy)
     if not resume and journal.exists():
         fault = f"{journal} holds a session that is not finished."
         raise UsageError(fault, f"Continue it: {command('measure', str(path), options='--resume')}")

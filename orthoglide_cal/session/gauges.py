@@ -50,9 +50,11 @@ class Token(NamedTuple):
     source: str = "typed"  # the gauge's name for the records
     elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
 
-    def mm(self, default: Unit) -> float | None:
+    def mm(self, default: Unit) -> float:
         """The value in mm; `default` is its unit where the gauge gave none."""
-        if self.value is None or (self.unit or default) is Unit.MM:
+        if self.value is None:
+            raise ValueError("an error message is not a reading")
+        if (self.unit or default) is Unit.MM:
             return self.value
         # A gauge never shows more than a nanometre: drop the dust of the multiplication.
         return round(self.value * MM_PER_INCH, 6)
@@ -299,13 +301,6 @@ _ADDRESS = re.compile(r"linuxcnc(?::([^:\[\]\s]+|\[[^\]\s]+\])(?::([0-9]{1,5}))?
 _UNITS_MM = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
 
 
-class Stood(NamedTuple):
-    """How far a machine stood from a posture (the largest difference of a joint), and where."""
-
-    away_mm: float = 0.0
-    words: str = ""  # none where nobody knows
-
-
 class Standing:
     """The joints of a controller at `linuxcnc[:HOST[:PORT]]`. Raises UsageError: none to follow."""
 
@@ -332,8 +327,8 @@ class Standing:
             problem = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
             raise UsageError(problem, "Home all joints, then give the command again.")
 
-    def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
-        """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
+    def at(self, joints: Floats, tool: Floats, home_mm: float) -> tuple[float, str]:
+        """Largest distance of a joint from these joints and this tool (3,) [mm], and its place.
 
         A controller without kinematics is driven to either, and may count from the joint value of
         the isotropic posture. Raises OSError, ValueError: nothing answers any more, or no place.
@@ -344,7 +339,7 @@ class Standing:
         stands = self._unit_mm * np.array(self._ask(f"get {name}", name.upper())[:3], dtype=float)
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
         away = float(np.abs(wanted - stands).max(axis=1).min())
-        return Stood(away, f"the controller stood at {by_axis(stands, '.3f', ' ')}")
+        return away, f"the controller stood at {by_axis(stands, '.3f', ' ')}"
 
     def _homed(self) -> bool:
         """True if all joints are homed. Raises OSError."""
@@ -365,9 +360,7 @@ class Standing:
 
 # ---- a virtual machine whose joint offsets are hidden: for training and for trying
 
-# Half the width of the ranges that the hidden truth is drawn from.
-OFFSETS_MM = 1.5
-ZEROS_MM = 0.3
+OFFSETS_MM, ZEROS_MM = 1.5, 0.3  # half the ranges that the hidden truth is drawn from
 _FINEST_MM = 1e-6  # in which two active offsets are distinguished
 _TRUTH, _NOISE = 0, 1  # streams of random numbers
 

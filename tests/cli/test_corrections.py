@@ -11,9 +11,9 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import (
     WRITTEN,
     default_machine,
-    machine_from_text,
     machine_text,
     machine_values,
+    stored_machine,
 )
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
@@ -201,7 +201,7 @@ def test_accepted_is_what_the_machine_has_not_what_its_controller_leaves() -> No
     model = default_machine().correcting({"encoder_scale": {"x": 0.4}})
     scale = CAUSES["encoder_scale"]
     found = scale.at(np.array([1e-4, -2e-4, 0.0])).accepted("2026-01-01", 64 * "0")
-    again = machine_from_text(machine_text(model.accepting(found)), "machine.yaml")
+    again = stored_machine(machine_text(model.accepting(found)), "machine.yaml").model
     assert machine_values(again)["identified"][0]["parameters"]["x"]["value"] == pytest.approx(0.5)
     (left,) = again.remaining()
     np.testing.assert_allclose(left.theta, found.theta, atol=1e-12)

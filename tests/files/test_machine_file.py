@@ -17,10 +17,10 @@ from orthoglide_cal.files.machine_file import (
     StoredMachine,
     default_machine,
     machine_file_in,
-    machine_from_text,
     machine_in,
     machine_text,
     machine_values,
+    stored_machine,
     with_entry,
     without_entry,
 )
@@ -49,7 +49,7 @@ def test_what_an_earlier_version_recorded_is_read():
     written = {"target": "m.ini", "sha256_before": DIGEST, "sha256_after": DIGEST, "live": False}
     entry = {"date": "2024-05-04", "data_sha256": DIGEST, "written": written}
     values = {**machine_values(default_machine()), "history": [entry]}
-    model = machine_from_text(yaml.safe_dump(values, sort_keys=False), "m.yaml")
+    model = stored_machine(yaml.safe_dump(values, sort_keys=False), "m.yaml").model
     (kept,) = machine_values(model)["history"]
     assert kept["written"]["target"] == "m.ini"
     assert "live" not in kept["written"]
@@ -63,7 +63,7 @@ def test_what_could_not_be_read_again_is_not_recorded() -> None:
 
 
 def read(text: str) -> Model:
-    return machine_from_text(text, "m.yaml")
+    return stored_machine(text, "m.yaml").model
 
 
 def test_what_nobody_stated_of_a_gauge_stays_out_of_the_file():

@@ -9,7 +9,7 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import Input, read_input
-from orthoglide_cal.files.machine_file import default_machine, machine_from_text, read_machine_file
+from orthoglide_cal.files.machine_file import default_machine, read_machine_file, stored_machine
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM
 from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops
 from orthoglide_cal.model.measured import NOZZLE
@@ -22,7 +22,7 @@ from tests.truth.plan import frozen
 
 from .helpers import problems, saved
 
-MODEL = machine_from_text(CONFIG.read_text(encoding="utf-8"), "m.yaml")
+MODEL = stored_machine(CONFIG.read_text(encoding="utf-8"), "m.yaml").model
 TRUTH = Truth(endstops=frozen([0.5, -0.3, 0.4]), radius=0.4, angles=frozen([0.15, -0.1, 0.0]))
 Z = 1.5
 

@@ -7,10 +7,10 @@ import pytest
 
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import (
-    machine_from_text,
     machine_text,
     machine_values,
     read_machine_file,
+    stored_machine,
 )
 from orthoglide_cal.files.readings import (
     Conditions,
@@ -105,7 +105,7 @@ def test_the_machine_inside_is_used_unless_another_is_named(tmp_path):
 def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
     """Machines are distinguished by their causes, but not by the last digit of one."""
     found = extended(encoder_scale=(0.0403, -1.1537, -0.9618), axis_gap=(1 / 3, 0.2, -0.1))
-    same = machine_from_text(machine_text(found), "m.yaml")
+    same = stored_machine(machine_text(found), "m.yaml").model
     path = save(tmp_path, session_text(values(same)))
     alone, given, other = read_input(path), read_input(path, same), read_input(path, MODEL)
     assert machine_values(alone.model) == machine_values(same)

@@ -7,7 +7,7 @@ import numpy as np
 
 from orthoglide_cal.estimation.gaussian import condition
 from orthoglide_cal.files.input import Input, read_input
-from orthoglide_cal.files.machine_file import machine_from_text
+from orthoglide_cal.files.machine_file import stored_machine
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.inference.data import Whitened, as_read, unit_of
 from orthoglide_cal.inference.diagnose import Diagnosis
@@ -31,7 +31,7 @@ def texts_of(session: truth.Session | DeltaSession) -> tuple[str, str]:
 
 @cache
 def model_from(text: str) -> Model:
-    return machine_from_text(text, "machine.yaml")
+    return stored_machine(text, "machine.yaml").model
 
 
 def model_of(hidden: truth.Machine, gauge: truth.Gauge) -> Model:

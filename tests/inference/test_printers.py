@@ -12,7 +12,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import Input, read_input, together
-from orthoglide_cal.files.machine_file import machine_from_text, machine_text
+from orthoglide_cal.files.machine_file import machine_text, stored_machine
 from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import fit_hypothesis
@@ -141,7 +141,7 @@ def test_a_shape_is_accepted_stored_and_carried() -> None:
     """Whatever makes it; the same touches are then explained without it."""
     first, second = map(given, dates(5, (Layout(61), Layout(61)), frozen(np.zeros(3))))
     model = diagnose(first.measured, first.model).extend("bed_shape", date(2026, 1, 31))
-    stored = machine_from_text(machine_text(model), "known.yaml")
+    stored = stored_machine(machine_text(model), "known.yaml").model
     (kept,) = stored.accepted
     assert kept.cause is CAUSES["bed_shape"]
     theta = model.accepted[0].theta

@@ -124,7 +124,8 @@ def test_until_ends_early_with_the_closing_posture(
 
     dialogue, _, stack = a_dialogue(tmp_path / "s.journal", answers(), until_mm=until)
     with stack:
-        state = dialogue.run()
+        dialogue.run()
+        state = dialogue.state
     assert set(state.dropped.values()) == {state.ended.reason}
     assert len(state.dropped) >= least
     assert len(state.accepted) + len(state.dropped) == 60

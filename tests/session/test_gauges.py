@@ -51,7 +51,8 @@ def test_inches_become_millimetres_once() -> None:
     assert Token("", 0.005).mm(INCH) == 0.127
     assert Token("", 0.005, MM).mm(INCH) == 0.005
     assert Token("", 0.005).mm(MM) == 0.005
-    assert Token("ERR6").mm(MM) is None
+    with pytest.raises(ValueError, match="error message"):
+        Token("ERR6").mm(MM)
     assert Token("", 0.0003).mm(INCH) == 0.00762  # without the dust of the multiplication
 
 

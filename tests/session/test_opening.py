@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.machine_file import machine_from_text, machine_text
+from orthoglide_cal.files.machine_file import machine_text, stored_machine
 from orthoglide_cal.session.dialogue import MOST_CYCLES, session_file, session_path
 from orthoglide_cal.session.events import encode
 from tests.cli.program import refusals, refuses
@@ -118,7 +118,7 @@ def test_no_reading_at_all_ends_without_a_number(tmp_path: Path) -> None:
 
 def held(folder: Path) -> tuple[float, ...]:
     first = events_of(folder / "s.journal")[0]
-    return machine_from_text(first.machine, "s.journal").machine.offsets_mm
+    return stored_machine(first.machine, "s.journal").model.machine.offsets_mm
 
 
 def test_the_machine_is_named_and_confirmed_before_anything_is_written(tmp_path: Path) -> None:
