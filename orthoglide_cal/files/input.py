@@ -381,15 +381,6 @@ def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
     return [path for _, path in sorted(sessions)]
 
 
-def latest_session(folder: Path) -> Path:
-    """The session that was finished last. Raises InputError if there is none."""
-    sessions = sessions_in(folder)
-    if not sessions:
-        remedy = "Name a file of readings, or measure first: orthocal measure"
-        raise InputError("There is no session in this folder.", remedy, file=str(folder))
-    return sessions[-1]
-
-
 def printers_in(folder: Path) -> list[Path]:
     """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
     printers = (path for path, text in _texts_in(folder, "cfg") if _DELTA.search(text))

@@ -8,7 +8,7 @@ cell is checked by itself there; what only shows across rows, where the rows bec
 import csv
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -41,7 +41,7 @@ from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading, planned_readings
-from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
+from orthoglide_cal.model.plan import Floats, Ints, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
     Count,
@@ -61,7 +61,6 @@ LATEST_MINUTES = 1e6  # two years
 TURNED = "turned"
 YES = "yes"
 _POSTURES = {posture.value for posture in Posture}
-_MISSING = "The value is missing."
 _AXIS = "Write x, y or z."
 _READING = "Give the reading, or remove the row."
 _PLACE = "Give it, or remove the row."
@@ -347,12 +346,12 @@ class Table(Content):
 
     def check_header(self, schema: type[Row]) -> None:
         """Raise all faults so far if the header lacks a column that rows of a schema need."""
-        before, present = len(self.problems), [name for name in self.columns if name]
-        inches, last = schema.inches, [*schema.needed][-1]
+        present = [name for name in self.columns if name]
         others = [name for name in present if name not in schema.columns()]
-        for name in schema.needed:
-            if name in present or (name == last and inches in present):
-                continue
+        missing = [name for name in schema.needed if name not in present]
+        if schema.inches in present:
+            missing = [name for name in missing if name != [*schema.needed][-1]]
+        for name in missing:
             close = get_close_matches(name, others, n=1)
             remedy = f"Add it; the header has: {listed(present)}."
             if close:
@@ -360,7 +359,7 @@ class Table(Content):
                 factor = f"multiply the numbers by {short(unit, 6)} and " if unit else ""
                 remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
             self.add("The column is missing.", remedy, line=self.header_line, column=name)
-        if len(self.problems) > before:
+        if missing:
             raise self.error()
         self._check_split_numbers()
 
@@ -409,7 +408,8 @@ class Rows(Generic[R]):
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
         known = schema.columns(content.of_table)
-        words = {f"missing {name}": (_MISSING, remedy) for name, remedy in schema.needed.items()}
+        missing = "The value is missing."
+        words = {f"missing {name}": (missing, remedy) for name, remedy in schema.needed.items()}
         if isinstance(content, Table):
             content.check_header(schema)
         entries = content.at(path)
@@ -465,16 +465,15 @@ class Rows(Generic[R]):
     def check_complete(self, columns: Sequence[str]) -> None:
         """Each of these columns is filled in every row or in none."""
         for column in columns:
-            filled = [column in cells for cells in self.cells]
-            for index, cells in enumerate(self.cells if any(filled) else ()):
-                if cells and not filled[index]:
-                    fault = "The cell is empty here but filled in other rows."
-                    self.note(index, column, fault, "Fill it in every row or in none.")
+            empty = [k for k, cells in enumerate(self.cells) if cells and column not in cells]
+            for index in empty if any(column in cells for cells in self.cells) else ():
+                fault = "The cell is empty here but filled in other rows."
+                self.note(index, column, fault, "Fill it in every row or in none.")
 
 
 def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
     """Indices from first to last; minutes; and whether they are times: no one time for all."""
-    in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
+    in_time = np.argsort([row.seq or 0 for row in rows], kind="stable")
     minutes = np.array([row.minutes or 0.0 for row in rows])
     timed = rows[0].minutes is not None and (len(rows) == 1 or len(np.unique(minutes)) > 1)
     return in_time, minutes, timed
@@ -482,13 +481,13 @@ def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
 
 def _check_order(rows: Rows[Timed]) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
-    in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
+    in_time = sorted(rows.sound, key=lambda item: item[1].seq or 0)
     for (before, one), (after, other) in pairwise(in_time):
         line = rows.line(before)
         if other.seq is not None and other.seq == one.seq:
             remedy = "Number the readings in the order in which they were taken."
             rows.note(after, "seq", f"The same number is in line {line}.", remedy)
-        elif one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
+        elif (other.minutes or 0.0) < (one.minutes or 0.0):
             fault = f"Time runs backwards: line {line} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
             column = "minutes" if "minutes" in rows.cells[after] else "timestamp"
@@ -524,8 +523,15 @@ def readings_in(
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
     readings = readings_of(checked, machine, rows.source, lines)
-    remarks = (*remarks, *rows.remarks, *_remarks(readings, machine))
-    return replace(readings, remarks=remarks)
+    remarks, travel = [*remarks, *rows.remarks], machine.instrument.most_mm
+    beyond = np.flatnonzero(np.abs(readings.value) > travel).tolist()
+    if beyond:
+        counts = {"count": len(beyond), "readings": len(readings)}
+        first = {"line": lines[beyond[0]], "value_mm": float(readings.value[beyond[0]])}
+        remarks.append(Reason.of("beyond_range", **counts, range_mm=travel, **first))
+    if not readings.timed:
+        remarks.append(Reason.of("untimed", minutes=_MINUTES_PER_READING))
+    return replace(readings, remarks=tuple(remarks))
 
 
 def readings_of(
@@ -657,17 +663,6 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _remarks(readings: Readings, machine: Machine) -> Iterator[Reason]:
-    travel = machine.instrument.most_mm
-    beyond = np.flatnonzero(np.abs(readings.value) > travel)
-    if beyond.size:
-        line, value = int(readings.line[beyond[0]]), float(readings.value[beyond[0]])
-        counts = {"count": beyond.size, "readings": len(readings)}
-        yield Reason.of("beyond_range", **counts, range_mm=travel, line=line, value_mm=value)
-    if not readings.timed:
-        yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
-
-
 # --- touches of a bed by a probe ----------------------------------------------------------------
 
 # A place farther out than so many radii of the bed is not on it.
@@ -702,13 +697,6 @@ def _touches(table: Table, bed: Bed) -> Readings:
         note=tuple(row.note or "" for row in rows),
         remarks=tuple(remarks),
     )
-
-
-def places_csv(plan: Plan) -> str:
-    """The touches of a plan as a file to be filled in: their places, and no reading yet."""
-    places = plan.spots[plan.touches].tolist()
-    rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
-    return csv_text(("x_mm", "y_mm", "z_mm", "reading_mm"), rows)
 
 
 def probe_points_csv(readings: Readings) -> str:
