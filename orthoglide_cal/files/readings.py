@@ -718,28 +718,13 @@ def probe_points_csv(readings: Readings) -> str:
 def _differences(table: Table, machine: Machine) -> Differences:
     longest = {"value_mm": machine.leg_mm}
     rows = Rows(table, DifferenceRow, longest=longest, travel=machine.limits_mm)
-    remarks = [*rows.remarks]
-    kind = _kind(rows)
-    values = {row.difference: row.value_mm for row in rows.checked()}
-    known = _BY_NAME[kind]
-    if missing := [name for name in known if name not in values]:
-        remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
-    which = tuple(known[name] for name in values)
-    value = np.array(list(values.values()))
-    return Differences(kind, which, value, rows.source, remarks=tuple(remarks))
-
-
-def _kind(rows: Rows[DifferenceRow]) -> DataKind:
-    """The kind that most of the names belong to; the others are faults, and so are repeats."""
-    # The single set shares four names with the twelve; its own two decide.
     names = {index: row.difference for index, row in rows.sound}
-    order = [DataKind.TWELVE, DataKind.SIX]
-    if {"dz_x0", "dz_y0"} & set(names.values()):
-        order.insert(0, DataKind.SINGLE)
+    # Most names decide: the single set shares four with the twelve, which come first.
+    order = (DataKind.TWELVE, DataKind.SIX, DataKind.SINGLE)
     kind = max(order, key=lambda kind: sum(name in _BY_NAME[kind] for name in names.values()))
-    first: dict[str, int] = {}
+    known, first = _BY_NAME[kind], dict[str, int]()
     for index, name in names.items():
-        if name not in _BY_NAME[kind]:
+        if name not in known:
             others = f"{kind} ({KIND_WORDS[kind]})"
             fault = f"The name is of another kind than the others, which are {others}."
             rows.note(index, "difference", fault, f"Give one kind in one file. {DIFFERENCE_NAMES}")
@@ -748,7 +733,11 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", fault, remedy)
         first.setdefault(name, rows.line(index))
-    return kind
+    values, remarks = {row.difference: row.value_mm for row in rows.checked()}, [*rows.remarks]
+    if missing := [name for name in known if name not in values]:
+        remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
+    which, value = tuple(known[name] for name in values), np.array(list(values.values()))
+    return Differences(kind, which, value, rows.source, remarks=tuple(remarks))
 
 
 def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
@@ -775,7 +764,6 @@ def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
-_LISTS = ("readings", "retaken", "skipped")
 
 
 def implausible_temperatures(known_c: Iterable[float | None]) -> list[Reason]:
@@ -790,11 +778,7 @@ class GaugeIdentity(OwnGauge):
     model_config = ConfigDict(extra="ignore", populate_by_name=True)
 
     certificate: str | None = None
-    resolution_mm: Positive | None = Field(
-        default=None,
-        validation_alias=AliasChoices("resolution_mm", "resolution"),
-        serialization_alias="resolution",
-    )
+    resolution_mm: Positive | None = Field(None, alias="resolution")
 
 
 class Circumstances(Schema):
@@ -870,14 +854,19 @@ def conditions_in(
     )
 
 
+_Written = Annotated[
+    tuple[ReadingRow, ...], PlainSerializer(lambda rows: [row.cells() for row in rows])
+]
+
+
 class Session(Circumstances):
     """A session as its file holds it."""
 
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
     protocol: str | None = ""
-    readings: tuple[ReadingRow, ...] = ()  # that count
-    retaken: tuple[ReadingRow, ...] = ()  # that were replaced
-    skipped: tuple[ReadingRow, ...] = ()  # steps that were left out
+    readings: _Written = ()  # that count
+    retaken: _Written = ()  # that were replaced
+    skipped: _Written = ()  # steps that were left out
 
 
 def session_from_tree(
@@ -936,13 +925,12 @@ def session_from_tree(
 
 def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
-    rows = {key: [row.cells() for row in getattr(session, key)] for key in _LISTS}
-    content = session.model_dump(by_alias=True, exclude=set(_LISTS))
+    content = session.model_dump(by_alias=True)
     for gauge in content["gauges"]:
         for name in ("due", "expanded_mm"):
             if not gauge[name]:
                 del gauge[name]
-    return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
+    return {**dict.fromkeys(("schema_version", "machine")), **content}
 
 
 def session_text(session: Session) -> str:
