@@ -113,6 +113,11 @@ def _entered(value: str | Sequence[object], info: ValidationInfo) -> tuple[float
     return offsets
 
 
+def _mark(word: str, fault: str, where: str) -> AfterValidator:
+    remedy = f"Write {word} where {where}; otherwise leave the cell empty."
+    return text_that(word.__eq__, fault, remedy)
+
+
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
@@ -121,16 +126,8 @@ Axis = Annotated[str, _LOWER, text_that(AXES.__contains__, "This is not an axis.
 _END = text_that(
     ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
 )
-_TURNED = text_that(
-    TURNED.__eq__,
-    "This does not say how the bar was.",
-    f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
-)
-_SIMULATED = text_that(
-    YES.__eq__,
-    "This does not say whether it was simulated.",
-    f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
-)
+_TURNED = _mark(TURNED, "This does not say how the bar was.", "it was turned half round")
+_SIMULATED = _mark(YES, "This does not say whether it was simulated.", "a simulator made the row")
 Mark = Annotated[str, _LOWER, _SIMULATED]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
@@ -794,7 +791,7 @@ class Circumstances(Schema):
 
 
 class Conditions(Circumstances):
-    """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
+    """Circumstances as recorded; labels in the readings are gauges, too."""
 
     environment: Mapping[str, str] = {}
     temperature_c: tuple[float, ...] = ()  # of the thermometer, in the order of time
@@ -835,7 +832,7 @@ class Conditions(Circumstances):
 def conditions_in(
     readings: Readings | Differences, frame: Circumstances = Circumstances(), **counts: int
 ) -> Conditions:
-    """Conditions that the readings state, in a frame; with `counts` of what does not count."""
+    """Conditions that the readings state, in a frame, with `counts` of what does not count."""
     if not isinstance(readings, Readings):
         return Conditions()
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
@@ -863,7 +860,6 @@ class Session(Circumstances):
     """A session as its file holds it."""
 
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
-    protocol: str | None = ""
     readings: _Written = ()  # that count
     retaken: _Written = ()  # that were replaced
     skipped: _Written = ()  # steps that were left out
@@ -872,11 +868,10 @@ class Session(Circumstances):
 def session_from_tree(
     tree: Content, model: Model | None
 ) -> tuple[Readings, Model, Conditions, Model | None]:
-    """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
+    """The readings of a parsed session, the machine to judge them by, the conditions, its own.
 
-    Without a model they are judged by the machine in the session itself. Which offsets were active
-    in the controller is always the session's to say. Raises InputError: everything that is
-    wrong with it, each with line and path; or it is no session.
+    Without a model its own judges; which offsets were active in the controller the session says.
+    Raises InputError: everything that is wrong with it, or it is no session.
     """
     if not isinstance(tree.value, dict) or "readings" not in tree.value:
         if machine_file.is_machine_file(tree):
@@ -905,10 +900,9 @@ def session_from_tree(
     judge = model or recorded
     if judge is None:
         raise tree.error()
-    if model and recorded:
-        held, asked = recorded.machine, model.machine
-        if (held.active, held.corrected) != (asked.active, asked.corrected):
-            judge = model.holding(held.active, held.corrected)
+    held, asked = (recorded or judge).machine, judge.machine
+    if (held.active, held.corrected) != (asked.active, asked.corrected):
+        judge = judge.holding(held.active, held.corrected)
     keys = Session.model_fields
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
     if recorded and (names := machine_file.differing(recorded, judge)):
