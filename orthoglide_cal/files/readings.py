@@ -254,12 +254,7 @@ class DifferenceRow(Row):
 # --- tables and lists of rows ------------------------------------------------------------------
 
 # Columns that never hold free text.
-CODED = {
-    column
-    for schema in (ReadingRow, ProbeRow, DifferenceRow)
-    for column in schema.columns()
-    if column not in ("gauge", "note")
-}
+CODED = {*ReadingRow.columns(), *ProbeRow.columns(), *DifferenceRow.columns()} - {"gauge", "note"}
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
 _COMMENTS = ("#", "sep=")  # Excel's line says nothing that the header does not
@@ -326,10 +321,9 @@ class Table(Content):
         if len(cells) > _COLUMNS:
             fault = f"The header has more than {_COLUMNS} columns."
             self.add(fault, "Check the delimiter.", line=line)
-        for index, name in enumerate(self.columns):
-            if name and name in self.columns[:index]:
-                fault = "The header names this column twice."
-                self.add(fault, "Rename or remove one.", line=line, column=name)
+        again = (name for k, name in enumerate(self.columns) if name in self.columns[:k])
+        for name in filter(None, again):
+            self.add("The header names this column twice.", "Rename or remove one.", line, name)
 
     def parse(self, text: str) -> float:
         """The number that a cell writes; another delimiter leaves the comma free for decimals."""
@@ -409,10 +403,12 @@ class Rows(Generic[R]):
         words = {f"missing {name}": (missing, remedy) for name, remedy in schema.needed.items()}
         if isinstance(content, Table):
             content.check_header(schema)
-        entries = content.at(path)
-        if entries is not None and not isinstance(entries, list):
+        entries = content.at(path) or []
+        if not isinstance(entries, list):
             content.note(path, *WORDS["list_type"])
-        for index, entry in enumerate(entries if isinstance(entries, list) else ()):
+            entries = []
+        self.lines = [content.lines[*path, index] for index in range(len(entries))]
+        for index, entry in enumerate(entries):
             texts = entry.items() if isinstance(entry, dict) else ()
             plain = {name: text.strip() if isinstance(text, str) else text for name, text in texts}
             cells = {name: text for name, text in plain.items() if text not in (None, "")}
@@ -432,9 +428,6 @@ class Rows(Generic[R]):
         columns = dict.fromkeys(name for cells in self.cells for name in cells)
         names = content.columns if isinstance(content, Table) else columns
         self.remarks = unused("Columns", (name for name in names if name not in known), known)
-
-    def line(self, index: int) -> int:
-        return self.content.lines[*self.path, index]
 
     @property
     def source(self) -> Source:
@@ -480,7 +473,7 @@ def _check_order(rows: Rows[Timed]) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
     in_time = sorted(rows.sound, key=lambda item: item[1].seq or 0)
     for (before, one), (after, other) in pairwise(in_time):
-        line = rows.line(before)
+        line = rows.lines[before]
         if other.seq is not None and other.seq == one.seq:
             remedy = "Number the readings in the order in which they were taken."
             rows.note(after, "seq", f"The same number is in line {line}.", remedy)
@@ -517,14 +510,12 @@ def readings_in(
     _time(rows, started)
     _check_order(rows)
     _check_parts(rows)
-    checked = rows.checked()
-    lines = [rows.line(index) for index in range(len(checked))]
-    readings = readings_of(checked, machine, rows.source, lines)
+    readings = readings_of(rows.checked(), machine, rows.source, rows.lines)
     remarks, travel = [*remarks, *rows.remarks], machine.instrument.most_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel).tolist()
     if beyond:
         counts = {"count": len(beyond), "readings": len(readings)}
-        first = {"line": lines[beyond[0]], "value_mm": float(readings.value[beyond[0]])}
+        first = {"line": rows.lines[beyond[0]], "value_mm": float(readings.value[beyond[0]])}
         remarks.append(Reason.of("beyond_range", **counts, range_mm=travel, **first))
     if not readings.timed:
         remarks.append(Reason.of("untimed", minutes=_MINUTES_PER_READING))
@@ -687,7 +678,7 @@ def _touches(table: Table, bed: Bed) -> Readings:
     return Readings(
         touching(place, surface, np.argsort(in_time), minutes if timed else None),
         place[:, 2] - surface,
-        np.array([checking.line(index) for index in range(len(rows))]),
+        np.array(checking.lines),
         timed,
         checking.source,
         cycle=np.array([row.cycle or 1 for row in rows]),
@@ -729,7 +720,7 @@ def _differences(table: Table, machine: Machine) -> Differences:
             fault = f"The difference is already in line {first[name]}."
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", fault, remedy)
-        first.setdefault(name, rows.line(index))
+        first.setdefault(name, rows.lines[index])
     values, remarks = {row.difference: row.value_mm for row in rows.checked()}, [*rows.remarks]
     if missing := [name for name in known if name not in values]:
         remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
