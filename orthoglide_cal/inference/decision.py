@@ -341,11 +341,9 @@ class Decision(Belief):
         return self.unseen if self.verdict is Verdict.CONSISTENT else ()
 
     def hidden(self) -> list[Ids]:
-        """Unseen causes that are so probable that they widen the offsets' uncertainty.
-
-        What no reading shows is uncertain in every explanation already.
-        """
+        """Unseen causes that are so probable that they widen the offsets' uncertainty."""
         machine, listed = self.white.machine, self.listed
+        # What no reading shows is uncertain in every explanation already.
         known = (*machine.unobservable, *machine.fixed_parameters)
         unseen = [(id,) for id in self.unseen if id not in known]
         return [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
