@@ -206,7 +206,19 @@ def read_printer_file(
     settings.check()  # what follows from a broken line is no fault of its own
     if calibration is not None:
         settings.options[_CALIBRATION] = calibration
-    _check_kind(settings)
+    kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
+    if kind and kind.lower() != "delta":
+        fault = "The machine is not a linear delta."
+        settings.note(("printer", "kinematics"), fault, "Give a delta's file.")
+        raise settings.error()
+    if not kind and not {"printer", *_TOWERS} & set(settings.sections):
+        fault = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
+        remedy = "Give the printer.cfg of a delta."
+        if settings.included:
+            remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
+        raise InputError(fault, remedy, file=settings.file)
+    if not kind:
+        settings.missing("printer", "kinematics")
     radius = settings.number("printer", "delta_radius", low=1.0)
     arms = _of_towers(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
     endstops = _of_towers(settings, "position_endstop", -LARGEST_MM)
@@ -305,23 +317,6 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     at[~less, 2] -= offset[2]
     mesh = stored_mesh(document.source, touches[:, :4], offset[2])
     return replace(settings, probe=offset, data={"mesh": mesh}, remarks=remarks)
-
-
-def _check_kind(settings: Settings) -> None:
-    """Raise InputError for another kind of machine, or a part of a configuration."""
-    kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
-    if kind and kind.lower() != "delta":
-        fault = "The machine is not a linear delta."
-        settings.note(("printer", "kinematics"), fault, "Give a delta's file.")
-        raise settings.error()
-    if not kind and not {"printer", *_TOWERS} & set(settings.sections):
-        fault = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
-        remedy = "Give the printer.cfg of a delta."
-        if settings.included:
-            remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
-        raise InputError(fault, remedy, file=settings.file)
-    if not kind:
-        settings.missing("printer", "kinematics")
 
 
 def _of_towers(settings: Settings, option: str, low: float) -> Floats:

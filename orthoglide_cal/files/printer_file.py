@@ -157,10 +157,7 @@ class PrinterFile(ReadOnly):
 
 
 def delta_of(document: FileText, bed: float) -> LinearDelta:
-    """A machine with the name of its file, and what is usual where no firmware states it.
-
-    It has no size yet; what a file says is checked by whoever reads it.
-    """
+    """A machine with the name of its file, and what no firmware states; without a size yet."""
     return LinearDelta.model_construct(
         name=PurePath(document.path).name,
         arm_length_mm=(0.0, 0.0, 0.0),
