@@ -611,8 +611,7 @@ class Dialogue:
             case "t":
                 last = list(self.state.accepted.items())[-20:]
                 lines = [f"The last {counted(len(last), 'reading')}:"]
-                for number, item in last:
-                    take = item.take
+                for number, (take, _) in last:
                     name = self.setting.steps[number - 1].name
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""
                     value = value_text(take.value_mm, self.request.unit)
