@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
+from functools import partial
 from itertools import chain, count
 from typing import Any, get_args, get_type_hints
 
@@ -289,5 +290,5 @@ def yaml_text(value: object, width: int = 1000) -> str:
     """
     # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
     apart, dumper = json.loads(json.dumps(value)), getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    style: Any = {"default_flow_style": None, "sort_keys": False, "allow_unicode": True}
-    return str(yaml.dump(apart, Dumper=dumper, width=width, **style))
+    write = partial(yaml.dump, default_flow_style=None, sort_keys=False, allow_unicode=True)
+    return str(write(apart, Dumper=dumper, width=width))

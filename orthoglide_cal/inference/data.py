@@ -231,10 +231,7 @@ class Whitened(ReadOnly):
         return np.asarray((self.matrix @ (sign * (self.matrix.T @ values)[index])).T)
 
     def fit_versions(self, versions: Floats) -> LeastSquaresFit:
-        """Offsets fitted to versions of the data (v, k), and what they leave of these.
-
-        A local shape that is stated makes some combinations of the data less precise than others.
-        """
+        """Offsets fitted to versions of the data (v, k), less precise by a stated local shape."""
         problem, texture = self.problem, self.texture
         if texture is None or not isinstance(self.matrix, Contrasts):
             return fit_offsets(problem, versions)
@@ -337,11 +334,7 @@ def places_of(problem: Problem, cause: Cause) -> Placed:
 
 @dataclass(frozen=True, eq=False)
 class Linearised(ReadOnly):
-    """Effects of every candidate on these data, where the offsets-only model fits best.
-
-    A relabelling is undone in the data, which gives another version of them; version 0 is as
-    recorded.
-    """
+    """Effects of every candidate on these data, where the offsets-only model fits best."""
 
     white: Whitened
     candidates: Candidates
@@ -352,7 +345,7 @@ class Linearised(ReadOnly):
     jacobians: Mapping[str, Floats]
     # What is uncertain of the data in addition to noise and causes, as recorded.
     uncertain: tuple[Influence, ...]
-    versions: Floats  # the data as recorded and with each relabelling undone, shape (v, k) [mm]
+    versions: Floats  # the data as recorded, then with each relabelling undone, (v, k) [mm]
     offsets: Floats  # fitted to each version, shape (v, 3) [mm]
     residuals: Floats  # what is left then, shape (v, k) [mm]
 
@@ -407,10 +400,7 @@ class Linearised(ReadOnly):
 
     @cached_property
     def usual(self) -> Mapping[float, float]:
-        """Scales that are tried together with another fault, with their shares.
-
-        Two causes follow nearly any pattern, if they may be of any size.
-        """
+        """Those up to `BESIDE`, and shares: two causes of any size follow nearly any pattern."""
         few = {scale: share for scale, share in self.scales.items() if scale <= BESIDE}
         return {scale: share / sum(few.values()) for scale, share in few.items()}
 

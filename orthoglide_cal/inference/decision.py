@@ -78,9 +78,7 @@ class Decision(Belief):
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
         wrong = max(self.hypotheses.values(), key=attrgetter("log_weight")).wrong_readings
         anew = score_all(at, wrong if len(wrong) > 1 else ())
-        return replace(
-            self, at=at, hypotheses=anew, fits={}, _further={}, repeats=False, refuted=None
-        )
+        return replace(self, at=at, hypotheses=anew, fits={}, _kept={}, repeats=False, refuted=None)
 
     def settled(self) -> Self:
         """The same with the fits that may change the statement: linear evidence alone says less."""
@@ -341,11 +339,9 @@ class Decision(Belief):
         return self.unseen if self.verdict is Verdict.CONSISTENT else ()
 
     def hidden(self) -> list[Ids]:
-        """Unseen causes that are so probable that they widen the offsets' uncertainty.
-
-        What no reading shows is uncertain in every explanation already.
-        """
+        """Unseen causes that are so probable that they widen the offsets' uncertainty."""
         machine, listed = self.white.machine, self.listed
+        # What no reading shows is uncertain in every explanation already.
         known = (*machine.unobservable, *machine.fixed_parameters)
         unseen = [(id,) for id in self.unseen if id not in known]
         return [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]

@@ -5,9 +5,8 @@ e ~ N(0, σ² I). Its evidence is the density of r with b integrated out,
 
     −2 ln p(r) = rᵀ S⁻¹ r + ln det S,   S = σ² I + B Bᵀ,
 
-averaged over a grid of σ around what the gauge's maker states. An explanation with more
-freedom than it needs spreads its density thin and loses: that is what makes causes of
-different size comparable.
+averaged over a grid of σ around what the gauge's maker states. An explanation with more freedom
+than it needs spreads its density thin and loses: so causes of different size are comparable.
 """
 
 from __future__ import annotations
@@ -189,12 +188,9 @@ class Gaussian:
     D = σ² (1 + ρ² texture) of noise and of a local shape, ρ times as large as the noise; for one ρ
     all σ have the same axes. All follows from products of columns: nothing is of shape (k, k).
 
-    Args:
-        columns: B without sizes, (..., k, r); columns of zeros add nothing, and leading axes (...)
-            are many densities at once.
-        sizes: plausible ones of the unknown of each column, shape (..., s, r).
-        noise: σ and ρ.
-        log_share: ln of the prior shares of the sizes, shape (s,).
+    `columns` are B without sizes, (..., k, r): columns of zeros add nothing, leading axes (...) are
+    many densities at once. Of each unknown `sizes` are plausible, (..., s, r), ln of their prior
+    shares is `log_share`, (s,).
     """
 
     def __init__(

@@ -149,10 +149,7 @@ class Later(ReadOnly):
         return Reason.of("refuted_later", ids=ids, without_mm=without_mm, with_mm=with_mm)
 
     def moved_origin(self, fit: Fit) -> Floats | None:
-        """By how much the parameters that homing sets differ from what is expected, (h,) [mm].
-
-        None where nothing says that they do.
-        """
+        """Unexpected change of the parameters that homing sets, (h,) [mm]; None if none shows."""
         homed = self.white.machine.homed
         error, jacobian, shared = (part / fit.sigma for part in self._errors(fit))
         error, by_origin = whiten_shared(shared, error, jacobian[:, :homed])
@@ -236,10 +233,7 @@ def repeats(white: Whitened, later: Later | None = None) -> float | None:
 
 
 def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Floats, Floats, Ints]:
-    """Places (n, 2), what parameters leave of the touches there (n,), derivatives (n, 6), dates.
-
-    The parameters are those that fit best if None.
-    """
+    """Places (n, 2), what parameters, or the best, leave there (n,), derivatives (n, 6), dates."""
     plan = white.plan
     if offsets is None:
         offsets = fit_offsets(white.problem, white.data).offsets_mm

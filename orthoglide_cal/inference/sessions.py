@@ -103,13 +103,10 @@ def decide_response(
 
     A hypothesis is a signed order of what was applied, and what is free about it, C g: the gain of
     all axes together, or axes by themselves. σ is unknown: two sessions often differ by more than
-    their gauge's noise.
+    the noise of one reading, `noise_mm`, as stated.
 
-    Args:
-        change: of the readings, in independent noise, shape (k,) [mm].
-        jacobian: J, derivative of it by what the axes moved by, m, shape (k, 3).
-        applied: what was entered, shape (3,) [mm], not all zero.
-        noise_mm: standard deviation of one reading, as stated.
+    The readings change by (k,) [mm] where the axes move by m; J is `jacobian`, (k, 3), and what was
+    `applied` (3,) [mm] is not all zero.
     """
     noise, log_weight = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE))), dict[Response, float]()
     for one in responses(applied):
@@ -220,10 +217,7 @@ class DatedValues(ReadOnly):
         return list(dict.fromkeys(map(tuple, (*few, *self.groups, every))))
 
     def columns(self, parts: Sequence[Part], later: float = 0.0) -> Floats:
-        """Derivatives of what the sessions find, so much later, by all unknowns, (n, p, m).
-
-        The unknowns are the parameters, those of what is common, and the sizes of each part.
-        """
+        """Derivatives of values so much later, (n, p, m): by θ, by w, by the sizes of each part."""
         every = np.eye(len(self.unit))
         columns = [np.broadcast_to(every, (len(self.values), *every.shape)), self.shared]
         for part in parts:

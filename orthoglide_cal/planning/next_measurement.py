@@ -94,13 +94,11 @@ def _walks(machine: Machine, gauge_at: float) -> tuple[tuple[Reason, tuple[float
     low, high = machine.reach_mm(gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
     ends = {"least": least, "most": most}
+    half_way = Reason.of("walk_half_way", **ends, half_mm=(high / 2, low / 2))
     return (
         (Reason.of("walk_down", **ends), (0.0, high, low)),
         (Reason.of("walk_up", **ends), (0.0, low, high)),
-        (
-            Reason.of("walk_half_way", **ends, half_mm=(high / 2, low / 2)),
-            (0.0, high / 2, high, high / 2, 0.0, low / 2, low, low / 2),
-        ),
+        (half_way, (0.0, high / 2, high, high / 2, 0.0, low / 2, low, low / 2)),
     )
 
 

@@ -290,8 +290,7 @@ def _margins(
     """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1).
 
     On a machine with these offsets, with what one plausible size of each influence adds to the
-    whitened data, `carried` (k, u) [mm]. What offsets, zeros and influences imitate is taken out of
-    the readings.
+    whitened data, `carried` (k, u) [mm]. What offsets, zeros and influences imitate is taken out.
     """
     plan, machine, noise = white.plan, white.machine, white.machine.instrument.noise_mm
     broad = [cause for cause in causes if cause.id not in extras]
@@ -522,10 +521,7 @@ def chosen_session(
 
 @lru_cache(maxsize=8)
 def _offered(model: Model) -> tuple[tuple[SessionForecast, ...], SessionForecast | None]:
-    """All layouts, and that of least expected loss; none of a machine that follows protocols.
-
-    Where it does not distinguish the rivals, somebody comes back for it.
-    """
+    """All layouts, and that of least expected loss; none of a machine that follows protocols."""
     machine, best, least = model.machine, None, math.inf
     for layout in machine.distinguishing_layouts():
         design = SessionForecast(model=model, **layout._asdict())

@@ -22,7 +22,6 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import PostureError, UsageError, command
-from orthoglide_cal.files.readings import places_csv
 from orthoglide_cal.files.text import FileText, csv_text, in_csv, read_document
 from orthoglide_cal.files.tree import Content, nearest
 from orthoglide_cal.model.machine import Machine
@@ -224,7 +223,10 @@ def chosen_program(
     if session is None:
         if template:
             raise UsageError("A printer's places are written as a table.", "Leave out --template.")
-        return places_csv(chosen.plan), len(chosen.plan)
+        plan = chosen.plan
+        places = plan.spots[plan.touches].tolist()
+        rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
+        return csv_text(("x_mm", "y_mm", "z_mm", "reading_mm"), rows), len(plan)
     typed = command("measure", machine=machine, options=session.options)
     program = posture_program(model, session.steps(model.machine), typed)
     return program_text(program, target, template), len(program.blocks)
