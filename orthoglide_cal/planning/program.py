@@ -127,9 +127,8 @@ def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
     return machine.joints_at(leg, np.linspace(start, end, stretches + 1)[1:])
 
 
-# Lines of a template that are a comment beginning with "orthocal" are settings, notes, or the marker
-# that says where the blocks go; all others are copied as they stand.
-
+# Comments in a template that begin with "orthocal" are settings, notes, or the marker that says
+# where the blocks go; all other lines are copied as they stand.
 _OURS = re.compile(r"\s*\(\s*orthocal\b([^()]*)\)\s*", re.IGNORECASE)
 _WAITS = text_that(
     re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+").fullmatch,
