@@ -1,7 +1,6 @@
-"""Every error the package raises on purpose: what is wrong, where, and how to fix it.
+"""Every error the package raises on purpose, and how messages write foreign text and commands.
 
 An error carries its data as fields; only the command line turns it into text and an exit code.
-Here, too, is how every message writes text from outside, files, and commands to type.
 """
 
 import re
@@ -26,35 +25,29 @@ _HIDDEN = re.compile(
 
 def visible(text: str) -> str:
     """The text on one line, with control and direction characters as codes: "⟨U+202E⟩"."""
-    return text if text.isprintable() else _HIDDEN.sub(_code, text)
-
-
-def _code(match: re.Match[str]) -> str:
-    character = match[0]
-    return " " if character in "\n\t\r" else f"⟨U+{ord(character):04X}⟩"
+    if text.isprintable():
+        return text
+    return _HIDDEN.sub(lambda sign: f"⟨U+{ord(sign[0]):04X}⟩", re.sub(r"[\n\t\r]", " ", text))
 
 
 def visible_lines(text: str) -> str:
-    """The same of a text of several lines, which stay lines."""
+    """The same of several lines, which stay lines."""
     return "\n".join(visible(line) for line in text.split("\n"))
 
 
 def command(verb: str, *paths: str, options: str = "", **named: object) -> str:
-    """A command to type.
+    """A command to type, with the files as the user gave them.
 
-    Args:
-        verb: of the program, e.g. "solve".
-        paths: of its input files, as the user gave them.
-        options: further ones, as they are typed.
-        named: options with a file or numbers, as the user gave them, or a flag; None, False: none.
+    `options` are as they are typed; `named` ones have a file, numbers, or True; None, False: none.
 
     >>> command("diagnose", "my data.csv", options="--accept axis_gap", together=True)
     "orthocal diagnose 'my data.csv' --together --accept axis_gap"
     """
-    given = list[str]()
-    for name, value in named.items():
-        if value is not None and value is not False:
-            given.append(f"--{name}" if value is True else f"--{name} {_typed(value)}")
+    given = [
+        f"--{name}" if value is True else f"--{name} {_typed(value)}"
+        for name, value in named.items()
+        if value is not None and value is not False
+    ]
     return " ".join(("orthocal", verb, *map(_typed, paths), *given, *filter(None, [options])))
 
 
@@ -63,8 +56,7 @@ def _typed(value: object) -> str:
         return " ".join(map(_typed, value))
     if isinstance(value, float):
         return f"{value:g}"
-    # What came from standard input has to be a file by then; a name that begins with a dash would
-    # be taken for an option.
+    # Standard input has to be a file by then; a leading dash would be taken for an option.
     path = "FILE" if value == "-" else str(value)
     return shlex.quote(f"./{path}" if path.startswith("-") else path)
 

@@ -1,7 +1,6 @@
 """Losses by which everything is decided: what a wrong statement costs, in minutes of a workshop.
 
-This table is the only place where they are stated. A hypothesis is stated, left open or dismissed
-where that has the least expected loss; no probability is compared with a number of its own.
+They are stated here only; no probability is compared with a number of its own.
 """
 
 import math
@@ -39,8 +38,8 @@ SITTING = 30.0
 # An answer is still open after a measurement: somebody comes back for it, a shift later.
 STILL_OPEN = 480.0
 
-# Sessions of sound readings for one that is questioned in vain, ten years of one a day: who is
-# questioned more often learns to press Return.
+# Sound sessions for one that is questioned in vain, ten years of one a day: who is questioned more
+# often learns to press Return.
 SESSIONS_A_QUESTION = 2500.0
 # Chance below which repeats are too steady for a gauge: its maker states the repeatability with a
 # reserve of two, and a gauge that is so much better must pass; one that is held does not.
@@ -52,12 +51,12 @@ DISMISSED = OPEN_ANSWER / WRONG_NAME
 
 
 def is_dismissed(probability: float, missed: float) -> bool:
-    """Return whether to keep something open costs more than to miss it, a loss in minutes."""
+    """Return whether to keep something open costs more than to miss it [minutes]."""
     return probability * missed < OPEN_ANSWER
 
 
 def is_likely(nothing: float, missed: float, needless: float) -> bool:
-    """Return whether to miss something, of minutes `missed`, costs more than a needless search.
+    """Return whether to miss something costs more than a needless search [minutes].
 
     `nothing` is the probability that there is nothing.
     """
@@ -71,10 +70,10 @@ def state(
 
     Something has happened, or the hypothesis `nothing` is stated: by the losses of `is_likely`.
     """
-    happened = is_likely(belief[nothing], missed, needless)
     others = sorted(belief, key=lambda key: -belief[key])
-    stated = next(key for key in others if key != nothing) if happened else nothing
-    lost = needless if happened else missed
+    stated, lost = nothing, missed
+    if is_likely(belief[nothing], missed, needless):
+        stated, lost = next(key for key in others if key != nothing), needless
     others.remove(stated)
     return stated, tuple(key for key in others if not is_dismissed(belief[key], lost))
 
@@ -83,12 +82,9 @@ def surprising(odds: float, missed: float, needless: float) -> float:
     """The p value below which its null hypothesis is no longer stated.
 
     A p value is worth odds of at most 1 : −e p ln p against what it was computed under (Sellke,
-    Bayarri and Berger, The American Statistician 55 (2001), p. 62).
-
-    Args:
-        odds: of the contrary beforehand, as a ratio to the null hypothesis.
-        missed, needless: losses if the null hypothesis is stated wrongly, and given up wrongly;
-            the first, times the odds, is smaller than the second.
+    Bayarri and Berger, The American Statistician 55 (2001), p. 62). `odds` are those of the
+    contrary beforehand; the null hypothesis may be stated wrongly (`missed`), or given up wrongly
+    (`needless`): odds · missed < needless.
     """
     from scipy.special import lambertw
 

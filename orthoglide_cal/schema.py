@@ -1,11 +1,10 @@
 """The base of everything that is read from a file or written to one, and what its texts may be.
 
-A field that is declared with one of the types below takes the text of a file or the value itself.
-`float()` would take nan, inf and 1_000 and refuse the typographic minus U+2212; YAML would read
-012 as 10 and 1:30 as 90. Here a number is digits with at most one decimal mark and an exponent.
+The types below take the text of a file or the value itself. `float()` would take nan, inf and
+1_000 and refuse the typographic minus U+2212; YAML would read 012 as 10 and 1:30 as 90.
 
-What is wrong with a text is an `InputError` with what and remedy, without a place: pydantic adds
-the path, and `files.tree` the file, the line and the words for what pydantic itself refuses.
+What is wrong with a text is an `InputError` without a place: pydantic adds the path, `files.tree`
+the file and the line.
 """
 
 import math
@@ -57,10 +56,7 @@ class Schema(BaseModel):
 
 
 class Reason(Schema):
-    """Something to know of a result: a code with its data; `report` has the sentence for it.
-
-    It is printed as that sentence where a dump is given, as its context, what composes it.
-    """
+    """Something to know of a result: a code with its data; `report` composes its sentence."""
 
     code: str
     data: Mapping[str, object] = Field(default_factory=dict)
@@ -71,7 +67,7 @@ class Reason(Schema):
 
     @model_serializer
     def sentence(self, info: SerializationInfo) -> str:
-        """The sentence, or the code where nothing composes it."""
+        """By the context of the dump, which composes it; the code without."""
         return info.context(self) if callable(info.context) else self.code
 
 
@@ -79,22 +75,16 @@ class Reason(Schema):
 Sentence = Annotated[Reason, WithJsonSchema({"type": "string"})]
 
 
-def ask(title: str, why: str, unit: str = "mm") -> FieldInfo:
-    """Texts for people who are asked for a field: its name, its meaning, its unit."""
-    field: FieldInfo = Field(title=title, description=why, json_schema_extra={"unit": unit})
+def ask(title: str, why: str, unit: str = ", mm") -> FieldInfo:
+    """A field for which people are asked: its name, its meaning, its unit."""
+    field: FieldInfo = Field(title=f"{title}{unit} ({why})")
     return field
 
 
 def parse_number(text: str, *, decimal_comma: bool = False) -> float:
-    """The finite number that `text` writes.
+    """The finite number that `text` writes: digits with optional sign, decimal mark and exponent.
 
-    Args:
-        text: digits with an optional sign (ASCII, or U+2212 as spreadsheets write it), decimal
-            mark and exponent; blanks around it are ignored.
-        decimal_comma: accept a comma as the decimal mark, too.
-
-    Raises:
-        InputError: anything else; carries what is wrong and the remedy, but no place.
+    The sign is ASCII, or U+2212 as spreadsheets write it. Raises InputError, without a place.
 
     >>> parse_number("−0,25", decimal_comma=True)
     -0.25
@@ -115,7 +105,7 @@ def parse_number(text: str, *, decimal_comma: bool = False) -> float:
 
 
 def parse_count(text: str, least: int) -> int:
-    """The whole number that `text` writes, at least `least`. Raises InputError without a place."""
+    """The whole number that `text` writes. Raises InputError without a place."""
     plain = text.strip()
     if not _INTEGER.fullmatch(plain) or int(plain) < least:
         raise InputError(
@@ -157,7 +147,7 @@ def _version(value: object) -> object:
 
 
 def text_that(passes: Callable[[str], object], fault: str, remedy: str) -> AfterValidator:
-    """A text that passes a check; of another one it is false, or raises ValueError."""
+    """A text that passes: of others the check is false, or raises ValueError."""
 
     def check(text: str) -> str:
         with suppress(ValueError):

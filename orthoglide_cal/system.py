@@ -1,5 +1,4 @@
-"""Differences between operating systems: a terminal that hands over each key at once and shows
-none, and the lock of a file."""
+"""Differences between systems: a terminal that hands over keys unseen, and the lock of a file."""
 
 import codecs
 import os
@@ -65,8 +64,7 @@ class PosixTerminal:
         Raises EOFError: the terminal was closed; KeyboardInterrupt: Ctrl-C.
         """
         try:
-            ready, _, _ = select.select([self._input], [], [], timeout_s)
-            if not ready:
+            if not any(select.select([self._input], [], [], timeout_s)):
                 return ""
             data = os.read(self._input, 4096)
         except OSError as error:  # the terminal was closed
@@ -77,13 +75,11 @@ class PosixTerminal:
 
     def disturbed(self) -> bool:
         """True once after the program was stopped and continued."""
-        # Whoever had the terminal meanwhile has set it differently.
-        if not self._disturbed:
-            return False
-        self._disturbed = False
-        with suppress(termios.error):
-            self._take()
-        return True
+        disturbed, self._disturbed = self._disturbed, False
+        if disturbed:  # whoever had the terminal meanwhile has set it differently
+            with suppress(termios.error):
+                self._take()
+        return disturbed
 
     def close(self) -> None:
         """Leave it as it was; what was typed for nobody does not reach the shell."""
@@ -96,8 +92,7 @@ class WindowsTerminal:
     """The console of Windows, by its C library."""
 
     def __init__(self, descriptor: int) -> None:
-        """A program has one console only, whatever the descriptor."""
-        self._console = import_module("msvcrt")
+        self._console = import_module("msvcrt")  # a program has one, whatever the descriptor
 
     def read(self, timeout_s: float) -> str:
         """Keys pressed since the last call; "" after the time-out. Raises KeyboardInterrupt."""

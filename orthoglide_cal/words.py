@@ -12,11 +12,8 @@ from enum import StrEnum
 
 # The first line of all that is made of simulated readings.
 SIMULATED = "SIMULATED: no machine was measured."
-# No gauge here tells more than tenths of a micrometre, and no controller takes more.
-MOST_DECIMALS = 4
-# A controller takes micrometres: rounding what is entered to the digits of a large uncertainty
-# would throw information away.
-ENTERED_DECIMALS = 3
+MOST_DECIMALS = 4  # neither gauges here nor controllers have more than tenths of a micrometre
+ENTERED_DECIMALS = 3  # at least: a controller takes micrometres, however large U is
 
 
 # --- units ------------------------------------------------------------------------------------
@@ -43,11 +40,7 @@ MM_PER_INCH = MM["in"]
 
 
 def unit_words(unit: str) -> str:
-    """The unit as a technician knows it.
-
-    >>> unit_words("1e-3"), unit_words("mrad")
-    ('mm/m', 'mrad')
-    """
+    """The unit as a technician knows it."""
     return "mm/m" if unit == "1e-3" else unit
 
 
@@ -68,14 +61,9 @@ def decimals_for(uncertainty: float) -> int:
 
 
 def entered_decimals(expanded: Iterable[float], active: Iterable[float]) -> int:
-    """Decimals of joint offsets that are to be entered.
+    """Decimals of joint offsets that are to be entered, by the smallest U (`expanded`).
 
-    Args:
-        expanded: their expanded uncertainties; the smallest decides.
-        active: offsets in the controller so far, whose digits (at most six) are kept.
-
-    >>> entered_decimals((0.21, 0.44), (0.0, 0.0)), entered_decimals((0.21,), (0.12345,))
-    (3, 5)
+    The digits of those in the controller so far (`active`, at most six) are kept.
     """
     written = (len(f"{value:.6f}".rstrip("0").partition(".")[2]) for value in active)
     return max(decimals_for(min(expanded)), ENTERED_DECIMALS, *written)
@@ -87,30 +75,18 @@ def difference_decimals(averaged: bool, resolution_mm: float = 0.01) -> int:
 
 
 def plain(value: float, decimals: int) -> str:
-    """Fixed decimals, never "-0.00".
-
-    >>> plain(-0.001, 2), plain(0.256, 2)
-    ('0.00', '0.26')
-    """
+    """Fixed decimals, never "-0.00"."""
     return f"{value:z.{decimals}f}"
 
 
 def short(value: float, decimals: int) -> str:
-    """At most these decimals, without zeros at the end.
-
-    >>> short(60.0, 3), short(-12.5, 3)
-    ('60', '-12.5')
-    """
+    """At most these decimals, without zeros at the end: "60", "-12.5"."""
     written = plain(value, decimals)
     return written.rstrip("0").rstrip(".") if "." in written else written
 
 
 def signed(value: float, decimals: int) -> str:
-    """Fixed decimals with "+" or "−"; zero has no sign.
-
-    >>> signed(-0.296, 2), signed(0.001, 2)
-    ('−0.30', '0.00')
-    """
+    """Fixed decimals with "+" or "−": "−0.30"; zero has no sign."""
     return typed(value, decimals).replace("-", "−")
 
 
@@ -126,11 +102,7 @@ def number(value: float) -> str:
 
 
 def two_figures(value: float) -> str:
-    """Two significant figures, at most four decimals.
-
-    >>> two_figures(0.02144), two_figures(1.96), two_figures(0.0)
-    ('0.021', '2.0', '0')
-    """
+    """Two significant figures, at most four decimals: "0.021", "2.0", "0"."""
     return plain(value, decimals_for(value)) if value else "0"
 
 
@@ -177,18 +149,9 @@ def percent(share: float, decimals: int = 0) -> str:
 
 
 def moment_words(time: datetime) -> str:
-    """Date, time to the minute, and the zone where it is known.
-
-    >>> moment_words(datetime.fromisoformat("2026-03-02T08:15:10.250+01:00"))
-    '2026-03-02 08:15 +01:00'
-    """
+    """Date, time to the minute, and the zone if it is known: "2026-03-02 08:15 +01:00"."""
     zone = "" if time.tzinfo is None else f" {str(time)[-6:]}".replace("+00:00", "UTC")
     return f"{time:%Y-%m-%d %H:%M}{zone}"
-
-
-def coverage_words(k: float) -> str:
-    """The factor from the standard uncertainty to the expanded one: "k = 1.96"."""
-    return f"k = {k:.2f}"
 
 
 # --- words ------------------------------------------------------------------------------------
@@ -200,7 +163,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def capitalized(text: str) -> str:
-    """The text as a sentence begins; all but its first letter stays."""
+    """The text as a sentence begins."""
     return text[:1].upper() + text[1:]
 
 
@@ -221,14 +184,8 @@ def listed(names: Sequence[str]) -> str:
 
 
 def together(ids: Sequence[str], none: str = "a sound machine") -> str:
-    """Causes that act together, or what is said without any.
-
-    >>> together(["axis_gap", "backlash", "misread"]), together([])
-    ('axis_gap with backlash and misread', 'a sound machine')
-    """
-    if not ids:
-        return none
-    return " with ".join(filter(None, (ids[0], " and ".join(ids[1:]))))
+    """Causes that act together, "axis_gap with backlash and misread"; without any, `none`."""
+    return " with ".join(filter(None, (*ids[:1], " and ".join(ids[1:])))) or none
 
 
 def wrapped(text: str, columns: int) -> str:

@@ -199,10 +199,7 @@ JSON = flag("--json", "Print JSON, one object per line.")
 def asked_session(
     protocol: Protocol, design: Design, cycles: Count, order: Order, gauges: Count
 ) -> dict[str, object]:
-    """Fields of a `GuidedSession` that the options give; the others are as usual.
-
-    Raises UsageError: two of them exclude each other.
-    """
+    """Fields of a `GuidedSession` that options give. Raises UsageError: two exclude each other."""
     from orthoglide_cal.planning import steps
 
     if design and protocol:
@@ -218,10 +215,7 @@ def asked_session(
 
 
 def agreement(yes: bool, reason: str) -> Callable[[str], bool]:
-    """Ask the person at the terminal, who may have agreed to everything (`yes`), for a `reason`.
-
-    Raises UsageError, which gives it, where nobody can be asked.
-    """
+    """Ask at the terminal, unless `yes`. Raises UsageError, with `reason`, without a terminal."""
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError(reason, "In a script, give --yes.")
 
@@ -238,21 +232,16 @@ def agreement(yes: bool, reason: str) -> Callable[[str], bool]:
 
 
 def for_each(files: Sequence[str], judge: Callable[[str], int], *, as_json: bool = False) -> int:
-    """Judge each file alone, in order, and return the worst exit code.
-
-    One that fails gives a message on standard error, or {"input": …, "error": …} on standard
-    output in its place.
-    """
+    """Judge each file alone, in order, and return the worst exit code; errors are told in place."""
     worst = 0
     # What is loaded stays; to look through it again for each file costs a tenth.
     gc.freeze()
     for path in files:
         try:
-            code = judge(path)
+            worst = max(worst, judge(path))
         except OrthocalError as error:
-            code = error.exit_code
+            worst = max(worst, error.exit_code)
             tell_error(error, path, as_json)
-        worst = max(worst, code)
     return worst
 
 
@@ -326,10 +315,7 @@ def chosen_machine(machine_file: Path | None) -> StoredMachine | None:
 
 @cache
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
-    """The chosen machine file, in which what was entered is recorded.
-
-    Raises UsageError: there is none that may be changed; InputError: it cannot be used.
-    """
+    """The chosen machine file. Raises UsageError: there is none in which to record anything."""
     from orthoglide_cal.files.machine_file import shipped_folder
 
     if str(machine_file) == "-":
@@ -374,8 +360,7 @@ def usual_machine(machine_file: Path | None = None) -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    kept = (read_machine_file, chosen_machine, own_machine_file, known_machine, usual_machine)
-    for read in kept:
+    for read in (read_machine_file, chosen_machine, own_machine_file, known_machine, usual_machine):
         read.cache_clear()
 
 
@@ -390,8 +375,7 @@ def deliver(
 ) -> None:
     """Show a document on standard output, as text or as JSON, or write the files asked for.
 
-    Text without `details` is one screen where the document has one. Raises UsageError: a file
-    exists and may not be replaced: only one that this wrote may ever be.
+    Without `details` one screen. Raises UsageError: a file exists that this may not replace.
     """
     if as_json:
         if html or markdown:
@@ -405,14 +389,12 @@ def deliver(
         screen, make = console(), None if details else document.screen
         screen.print(terminal((make or document.page)(), screen.width), soft_wrap=True)
         return
-    page = document.page()
     from orthoglide_cal.report.document import MARK
     from orthoglide_cal.report.html import html as as_html
     from orthoglide_cal.report.markdown import markdown as as_markdown
 
-    for path, render in ((html, as_html), (markdown, as_markdown)):
-        if path is None:
-            continue
+    page, pages = document.page(), ((html, as_html), (markdown, as_markdown))
+    for path, render in ((path, render) for path, render in pages if path):
         if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
             fault = f"{path} is not a page that orthocal wrote: it is not replaced."
             raise UsageError(fault, "Name another file.")
@@ -462,7 +444,7 @@ def console(*, stderr: bool = False) -> Console:
 
 @contextmanager
 def working(task: str) -> Iterator[None]:
-    """Show on standard error what is being worked on, from `SLOW_S` on; on a terminal."""
+    """Show on a terminal's standard error what is being worked on, from `SLOW_S` on."""
     if not sys.stderr.isatty():
         yield
         return
@@ -490,10 +472,7 @@ def tell(message: str) -> None:
 
 
 def tell_error(error: Exception, path: str | None = None, as_json: bool = False) -> None:
-    """An error of an input: as the JSON object that takes the place of a result.
-
-    Or on standard error, with the input's name in front unless the error has it.
-    """
+    """An error, and its input: as JSON in place of a result, or else on standard error."""
     if as_json:
         put(json_line({"input": {"path": path} if path else None, "error": str(error)}))
         return
@@ -502,9 +481,6 @@ def tell_error(error: Exception, path: str | None = None, as_json: bool = False)
 
 
 def leave_closed(*streams: TextIO) -> None:
-    """The reader of a stream has gone (`| head`, a closed window): stop writing to it in silence.
-
-    Python would complain at its end of what it could not write, with an exit code of its own.
-    """
+    """Stop writing to streams whose reader has gone (`| head`), or Python complains at its end."""
     for stream in streams:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
     from orthoglide_cal.files.machine_file import StoredMachine
 
-# Of a question: a name, a number, or several.
-Value = str | float | list[float]
-Answers = dict[str, Any]  # dotted key of the file → its value
+Answers = dict[str, Any]  # dotted key of the file → its value: a name, a number, or several
 _BACK = "<"
 
 machine = typer.Typer(
@@ -71,7 +69,7 @@ def new(
     from orthoglide_cal.model.kinds import MACHINES
 
     # Each option with the keys that it gives, on machines of this or that kind.
-    given: dict[str, tuple[Value | None, *tuple[str, ...]]] = {
+    given: dict[str, tuple[object, *tuple[str, ...]]] = {
         "--name": (name, "name"),
         "--leg-length": (leg_length, "leg_length_mm", "arm_length_mm"),
         "--width": (width, "parallelogram_width_mm"),
@@ -101,7 +99,8 @@ def new(
         except InputError as error:
             fault = f"--tolerance {text}: {error.what}"
             raise UsageError(fault, "Write it as axis_gap=0.3") from error
-    answers |= {"practice": True} if practice else {}
+    if practice:
+        answers["practice"] = True
     common.agreement(yes, "`machine new` asks for what is not given.")
     if target.exists():
         raise UsageError(f"{target} exists and is not overwritten.", "Name another: --output FILE")
@@ -118,8 +117,8 @@ def new(
         )
         keys, place = [key for key in asked if key not in answers], 0
         while place < len(keys):
-            goes_on = _ask(answers, keys[place], asked[keys[place]], target)
-            place = place + 1 if goes_on else max(place - 1, 0)
+            step = 1 if _ask(answers, keys[place], asked[keys[place]], target) else -1
+            place = max(place + step, 0)
     text = _made(answers, target).document.text
     if str(target) == "-":
         common.put(text)
@@ -162,14 +161,13 @@ def show(
 
 
 def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str, str]]:
-    """Keys, and the questions that the fields' own metadata ask."""
+    """Keys, and the questions of their fields (`ask`)."""
     for name, field in schema.model_fields.items():
-        inner, extra = field.annotation, field.json_schema_extra
+        inner = field.annotation
         if isinstance(inner, type) and hasattr(inner, "model_fields"):
             yield from _questions(inner, f"{name}.")
-        elif isinstance(extra, dict) and field.title:
-            title = ", ".join(filter(None, (field.title, str(extra["unit"]))))
-            yield group + name, f"{title} ({field.description})"
+        elif field.title:
+            yield group + name, field.title
 
 
 def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
@@ -177,22 +175,22 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
 
     An implausible value is taken when it is given again.
     """
-    usual = _plain(answers[key]) if key in answers else _usual(key, answers)
-    texts = list(map(str, usual if isinstance(usual, list) else [usual]))
-    doubted: Value | None = None
+    usual = answers[key] if key in answers else _usual(key, answers)
+    several, doubted = isinstance(usual, list), None
+    texts = [usual] if key == "name" else [f"{n:.12g}" for n in (usual if several else [usual])]
     while True:
         typed = typer.prompt(question, default=" ".join(texts), type=str, err=True)
         if typed.strip() == _BACK:
             return False
         try:
-            value: Value = typed
+            value: object = typed
             if key != "name":
                 parts = typed.replace("mm", " ").split()
                 numbers = [parse_number(part, decimal_comma=True) for part in parts]
                 if len(numbers) != len(texts):
                     many = "One number is" if len(texts) == 1 else f"{len(texts)} numbers are"
                     raise InputError(f"{many} needed.", "Type it as in the brackets.", value=typed)
-                value = numbers if isinstance(usual, list) else numbers[0]
+                value = numbers if several else numbers[0]
             instrument = _made({**answers, key: value}, target).model.machine.instrument
             doubt = instrument.implausible().get(key.rpartition(".")[2])
             if doubt and value != doubted:
@@ -216,7 +214,7 @@ def _made(answers: Answers, target: Path) -> "StoredMachine":
 
     scaled = ("joint_limits_mm", "workspace_mm") if "leg_length_mm" in answers else ()
     usual = {key: _usual(key, answers) for key in scaled if key not in answers}
-    values: Answers = {"name": "my machine"} | {k: _plain(v) for k, v in (answers | usual).items()}
+    values: Answers = {"name": "my machine", **answers, **usual}
     if "endstops_mm" in values:  # one number for all
         height = values.pop("endstops_mm")
         values |= {f"endstops_mm.{tower}": height for tower in "abc"}
@@ -225,25 +223,17 @@ def _made(answers: Answers, target: Path) -> "StoredMachine":
     return new_machine(values, str(target))
 
 
-def _plain(value: Value) -> Value:
-    """Whole numbers without a decimal point."""
-    if isinstance(value, list):
-        return [int(number) if number.is_integer() else number for number in map(float, value)]
-    return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-def _usual(key: str, answers: Answers) -> Value:
+def _usual(key: str, answers: Answers) -> Any:
     """Proposed value: the prototype's, for travel and workspace in proportion to L."""
     from orthoglide_cal.files.machine_file import machine_values, read_machine_file, shipped_machine
 
     known = machine_values(read_machine_file(shipped_machine(answers["kind"])).model)
-    value: Any = {**known, "name": "my machine"}
+    value: Answers = {**known, "name": "my machine"}
     for part in key.split("."):
         value = value[part]
     if key in ("arm_length_mm", "endstops_mm"):  # one for all
         value = next(iter(value.values() if isinstance(value, dict) else value))
     if "leg_length_mm" in answers and key in ("joint_limits_mm", "workspace_mm"):
         share = answers["leg_length_mm"] / known["leg_length_mm"]
-        several = isinstance(value, list)
-        return [round(number * share) for number in value] if several else round(value * share)
-    return _plain(value)
+        return [round(n * share) for n in value] if key != "workspace_mm" else round(value * share)
+    return value

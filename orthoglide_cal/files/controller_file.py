@@ -25,7 +25,7 @@ import math
 import re
 import subprocess
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
@@ -49,6 +49,7 @@ from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import MM_PER_INCH, plain
 
 Sizes = Mapping[str, float]
+Places = Mapping[str, tuple[str, str]]  # name of a setting → its section and option
 # Lines that are replaced, and all of a change: what is recorded of it, and the bytes then.
 Lines = Sequence[WrittenValue]
 Change = tuple[Written, bytes]
@@ -79,12 +80,12 @@ _OPTIONS = (_FILE, _TYPE, _BACKLASH, _SEARCH, _LATCH, "MIN_LIMIT", "MAX_LIMIT")
 _MOST_LINES = 256  # of a table
 _FARTHEST_MM = 1e5
 _BEYOND_MM = 1000.0  # half the length of a table where no limits are given
-# Name of a delta's setting → its section and option in printer.cfg.
 SAVED = {"radius": ("printer", "delta_radius")}
 for _tower, _section in ((tower, f"stepper_{tower}") for tower in "abc"):
     SAVED |= {f"angle_{_tower}": (_section, "angle"), f"arm_{_tower}": (_section, "arm_length")}
     SAVED[_tower] = _section, "position_endstop"
 _PITCHES = {f"pitch_{tower}": (f"stepper_{tower}", "rotation_distance") for tower in "abc"}
+_NEEDED = {*AXES, *SAVED}
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."
@@ -342,16 +343,16 @@ class LinuxCnc(ControllerFile):
         if str(running_ini()) != self.target:  # nor one whose INI nobody can tell
             return False
         held = [self.settings[axis] for axis in AXES]
-        pins = [_JOINT.sub(r"ini.\1.home_offset", value.key) for value in held]
-        values = [float(value.before) for value in held]
-        lines = [f"setp {pin} {v.before}\n" for pin, v in zip(pins, held, strict=True) if anew]
+        pins = {_JOINT.sub(r"ini.\1.home_offset", value.key): value.before for value in held}
+        lines = [f"setp {pin} {offset}\n" for pin, offset in pins.items() if anew]
         lines += [f"getp {pin}\n" for pin in pins]
         try:
             run = subprocess.run(
                 ["halcmd", "-f"],
                 input="".join(lines), capture_output=True, text=True, check=True, timeout=5.0,
             )  # fmt: skip
-            return np.allclose(np.array(run.stdout.split(), float), values, rtol=1e-6, atol=1e-6)
+            stands = np.array(run.stdout.split(), float)
+            return np.allclose(stands, np.array([*pins.values()], float), rtol=1e-6, atol=1e-6)
         except (OSError, subprocess.SubprocessError, ValueError):
             return False
 
@@ -388,23 +389,17 @@ def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
     `changes` of the calibrated parameters, (6,) [mm, deg].
     """
     machine = LinearDelta.require(model.machine)
-    new = zip(machine.active, changes, strict=True)
-    *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in new)
+    *endstops, radius, angle_a, angle_b = np.add(machine.active, changes).round(9).tolist()
     angles = np.array([angle_a, angle_b, machine.tower_angles_deg[2]])
-    arms = np.array(machine.arm_length_mm)
-    for effect in model.accepted:
-        if effect.cause.id in machine.fixed_parameters:
-            arms += effect.theta
+    longer = [e.theta for e in model.accepted if e.cause.id in machine.fixed_parameters]
+    arms = np.array(machine.arm_length_mm) + sum(longer)
     return machine.having(arms, radius, angles, np.array(endstops))
 
 
 def printer_values(machine: LinearDelta) -> dict[str, float]:
     """Settings of its firmware, by the names in `SAVED`."""
-    values = {"radius": machine.delta_radius_mm}
-    towers = machine.tower_angles_deg, machine.arm_length_mm, machine.endstops_mm
-    for tower, angle, arm, endstop in zip("abc", *towers, strict=True):
-        values |= {f"angle_{tower}": angle, f"arm_{tower}": arm, tower: endstop}
-    return values
+    towers = zip(machine.tower_angles_deg, machine.arm_length_mm, machine.endstops_mm, strict=True)
+    return dict(zip(SAVED, (machine.delta_radius_mm, *chain.from_iterable(towers)), strict=True))
 
 
 def controller_file(target: str) -> ControllerFile:
@@ -418,13 +413,15 @@ def controller_file(target: str) -> ControllerFile:
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         return _linuxcnc(target, data, text)
-    if "\n[printer]" in text.replace("\xef\xbb\xbf", "", 1):
-        return _klipper(target, data)
-    raise InputError(
-        "This is not the file of a known controller.",
-        "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
-        file=target,
-    )
+    if "\n[printer]" not in text.replace("\xef\xbb\xbf", "", 1):
+        remedy = "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer]."
+        raise InputError("This is not the file of a known controller.", remedy, file=target)
+    printer = Settings(document_from_bytes(data, target))
+    printer.problems += printer.dropped
+    printer.check()
+    heading = printer.heading or math.inf
+    settings = _values(printer, printer.options, SAVED | _PITCHES, _SAVE, heading)
+    return Klipper(target, data, settings, (Reason.of("includes"),) * printer.included)
 
 
 def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
@@ -468,32 +465,17 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
         problem = "This unit is unknown." if unit else "The value is missing."
         remedy = _ADD.format("TRAJ", "LINEAR_UNITS", "mm (or inch)")
         content.add(problem, remedy, at or None, "[TRAJ] LINEAR_UNITS", unit or None)
-    settings = _values(content, entries, wanted | more, _ADD, more)
+    settings = _values(content, entries, wanted | more, _ADD)
     return LinuxCnc(target, data, settings, unit_mm=_UNITS[unit.lower()])
 
 
-def _klipper(target: str, data: bytes) -> Klipper:
-    """A printer.cfg."""
-    printer = Settings(document_from_bytes(data, target))
-    printer.problems += printer.dropped
-    printer.check()
-    heading = printer.heading or math.inf
-    settings = _values(printer, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
-    return Klipper(target, data, settings, (Reason.of("includes"),) * printer.included)
-
-
 def _values(
-    content: Content,
-    entries: Options,
-    wanted: Mapping[str, tuple[str, str]],
-    advice: str,
-    optional: Collection[str],
-    heading: float = 0,
+    content: Content, entries: Options, wanted: Places, advice: str, heading: float = 0
 ) -> dict[str, WrittenValue]:
     """The wanted values, below the heading of Klipper's block. Raises InputError."""
     values = dict[str, WrittenValue]()
     for name, (section, option) in wanted.items():
-        key, needed = f"[{section}] {option}", name not in optional
+        key, needed = f"[{section}] {option}", name in _NEEDED
         number, value = entries[section].get(option, (None, ""))
         problem = ""
         if number is None:

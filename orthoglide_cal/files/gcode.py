@@ -94,13 +94,11 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
             remedy = f"Add it to the line M665, or give a file that has it: M665 … {letter}…"
             faults.add(f"M665 with {letter} is missing.", remedy)
     faults.check()
-    (bed,) = words.get("M665B", [math.nan])
+    (bed,), probe = words.get("M665B", [math.nan]), _three(words, "G31", math.nan)
     if marlin:
         probe = _three(words, "M851", math.nan) * (1.0, 1.0, -1.0)
         # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
         bed = math.nan if "M665C" in words else bed + _MARGIN_MM
-    else:
-        probe = _three(words, "G31", math.nan)
     with faults.noting(None):
         machine = _stated(delta_of(document, bed), words, marlin, np.nan_to_num(probe[2]))
     faults.check()
@@ -126,9 +124,8 @@ def _stated(machine: LinearDelta, words: Words, marlin: bool, trigger: float) ->
     if not counter_clockwise(angles.tolist()):
         remedy = "Check X, Y and Z of M665; they are usually below one degree."
         raise InputError(TOWERS_TURN, remedy)
-    return machine.having(
-        arms, radius, angles, height + (trigger - adjusted if marlin else adjusted)
-    )
+    adjusted = trigger - adjusted if marlin else adjusted
+    return machine.having(arms, radius, angles, height + adjusted)
 
 
 def words_of(machine: LinearDelta, marlin: bool, trigger: float = 0.0) -> Words:
@@ -199,8 +196,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, with the probed heights as their mesh. Raises InputError."""
     faults, lines = Content(document), document.text.strip("\n").split("\n")
     head, values = [*lines[1:3], "", ""][:2]
-    names = (name.strip() for name in head.lower().split(","))
-    texts = dict(zip(names, values.split(","), strict=False))
+    texts = dict(zip(map(str.strip, head.lower().split(",")), values.split(","), strict=False))
 
     def stated(name: str, axis: int) -> float:
         """A number of the grid; 0 if it is wrong, which is noted."""
@@ -208,10 +204,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         called = (f"{'xy'[axis]}{name}", f"{name}{axis}", name)
         key = next((key for key in called if key in texts), None)
         if key is None:
-            fault = (
-                f"The second line of the map has no {called[0]!r}, or the third no number for it."
-            )
-            raise InputError(fault, _AGAIN, file=document.path, line=2)
+            fault = f"The second line of the map has no {called[0]!r}, or the third no number"
+            raise InputError(f"{fault} for it.", _AGAIN, file=document.path, line=2)
         with faults.noting(3, key, texts[key]):
             return within(texts[key].strip(), -_FAR, _FAR)
         return 0.0
@@ -262,15 +256,12 @@ _BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
 _CALIBRATES = "G33 Auto Calibrate"
 _AT_RADIUS = re.compile(r"Checking\.\.\. AC at radius: ?([0-9.]+)")
 _SETTING = re.compile(r"\b(Height|Radius|[ET][xyz]): ?([-+]?[0-9.]+)")
-_PRINTED = {"Height": "M665H", "Radius": "M665R"}
-_PRINTED |= {
-    f"{e}{a}": code + a.upper() for e, code in (("E", "M666"), ("T", "M665")) for a in "xyz"
-}
+_PRINTED = {"Height": "M665H", "Radius": "M665R", "Ex": "M666X", "Ey": "M666Y", "Ez": "M666Z"}
+_PRINTED |= {"Tx": "M665X", "Ty": "M665Y", "Tz": "M665Z"}
 _RESULTS = re.compile(r"(?:^|[\s>:])\.\s+((?:c|yz) ?:.*)$")
 _RESULT = re.compile(r"\b(c|x|y|z|yz|zx|xy) ?: ?([-+]?[0-9.]+)")
 # Where G33 probes: at the towers x, y, z and opposite of them [deg].
-_TURNS = dict(zip(("x", "y", "z"), USUAL_ANGLES_DEG, strict=True))
-_TURNS |= {"yz": 30.0, "zx": 150.0, "xy": 270.0}
+_TURNS = {"x": 210.0, "y": 330.0, "z": 90.0, "yz": 30.0, "zx": 150.0, "xy": 270.0}
 # So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
 _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
@@ -283,21 +274,21 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     InputError: everything that is wrong; no heights, or not their places.
     """
     faults, offset = Content(document), np.nan_to_num(settings.probe)
-    reach, remarks = settings.machine.bed_radius_mm - _MARGIN_MM, [*settings.remarks]
+    remarks, reach = [*settings.remarks], settings.machine.bed_radius_mm - _MARGIN_MM
     changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
     # Line, x, y and height of each touch.
     circle, bed = list[Sequence[float]](), list[Sequence[float]]()
-    radius, printed_radius = reach, False  # of G33's circle [mm]
-    calibrating = False
+    calibrating, printed_radius = False, math.nan  # the radius of G33's circle [mm]
     for number, line in enumerate(document.text.split("\n"), start=1):
         calibrating |= _CALIBRATES in line
         with faults.noting(number, value=line.strip()):
             if match := _BED.search(line):
-                x, y, height = (within(text) for text in match.groups())
+                x, y, height = map(within, match.groups())
                 bed.append((number, x - offset[0], y - offset[1], height))
             if calibrating and (match := _AT_RADIUS.search(line)):
-                radius, printed_radius = within(match[1], 0.0), True
+                printed_radius = within(match[1], 0.0)
             if calibrating and (match := _RESULTS.search(line)):
+                radius = reach if math.isnan(printed_radius) else printed_radius
                 for name, text in _RESULT.findall(match[1]):
                     turn, away = math.radians(_TURNS.get(name, 0.0)), radius * (name != "c")
                     at = away * math.cos(turn), away * math.sin(turn)
@@ -312,17 +303,23 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
                 if not np.allclose(old, new, rtol=0.0, atol=_ROUNDED):
                     changes.append((number, machine))
     faults.check()
+    end, now = changes[-1]
     if math.isnan(settings.probe[2]):
         remarks.append(Reason.of("m851_unknown"))
+    if circle and math.isnan(printed_radius):
+        if not reach > 0.0:
+            fault, remedy = "G33 does not print where it probed.", "Name the machine file, with"
+            raise InputError(fault, f"{remedy} bed_radius_mm: --machine", file=document.path)
+        remarks.append(Reason.of("marlin_reach", reach_mm=reach, margin_mm=_MARGIN_MM))
 
     def stored(name: str, touches: Sequence[Sequence[float]]) -> Readings:
         """Touches with the settings of the last of them, counted from those at the end."""
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
         placed = np.array([touch for touch in touches if touch[0] > since])
-        mesh, (line, now) = stored_mesh(document.source, placed, offset[2]), changes[-1]
+        mesh = stored_mesh(document.source, placed, offset[2])
         if then is now:
             return mesh
-        remarks.append(Reason.of("converted", name=name, line=line))
+        remarks.append(Reason.of("converted", name=name, line=end))
         try:
             place = now.believed(then, mesh.plan.spots)
         except PostureError as error:
@@ -332,25 +329,15 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         moved = np.column_stack((mesh.line, place - [0.0, 0.0, offset[2]]))
         return stored_mesh(document.source, moved, offset[2])
 
-    data: dict[str, Readings] = {}
-    if circle:
-        if not printed_radius and not reach > 0.0:
-            fault, remedy = "G33 does not print where it probed.", "Name the machine file, with"
-            raise InputError(fault, f"{remedy} bed_radius_mm: --machine", file=document.path)
-        if not printed_radius:
-            remarks.append(Reason.of("marlin_reach", reach_mm=reach, margin_mm=_MARGIN_MM))
-        data["calibration"] = stored("G33", circle)
-    if bed:
-        data["mesh"] = stored("G29", bed)
+    probed = {"calibration": ("G33", circle), "mesh": ("G29", bed)}
+    data = {kind: stored(name, touches) for kind, (name, touches) in probed.items() if touches}
     if not data:
         fault, remedy = "holds no probed heights with their places", "Send G29 V4"
         if calibrating:
             fault, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
         remedy += ", and give all the lines that it prints."
         raise InputError(f"Marlin's output {fault}.", remedy, file=document.path)
-    return replace(
-        settings, machine=changes[-1][1], probe=offset, data=data, remarks=tuple(remarks)
-    )
+    return replace(settings, machine=now, probe=offset, data=data, remarks=tuple(remarks))
 
 
 # --- heights in lines of other consoles ---------------------------------------------------------
@@ -364,8 +351,8 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
     are made up; or the last heights of RepRapFirmware, at the places of G30 P….
 
-    Raises InputError for what is no number, or if neither the text nor a bed.g in its
-    folder has the places.
+    Raises InputError: no number, no place on the bed, or neither the text nor a bed.g in its folder
+    has the places.
     """
     text, faults = document.text, Content(document)
     offset, remarks, reach = np.nan_to_num(settings.probe), settings.remarks, math.inf
@@ -387,9 +374,11 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     rows = []
     for line, parts in lines:
         with faults.noting(line, value=" ".join(parts)):
-            x, y, height = (within(part) for part in parts)
+            x, y, height = map(within, parts)
             if not math.hypot(x, y) > reach:
                 rows.append((line, x - offset[0], y - offset[1], height))
+    if not rows and not faults.problems:
+        faults.add("No place of the map is on the bed.", "Check the radius of the bed.")
     faults.check()
     data = {"mesh": stored_mesh(document.source, np.array(rows), offset[2])}
     return replace(settings, probe=offset, data=data, remarks=remarks)

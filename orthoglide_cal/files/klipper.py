@@ -62,8 +62,7 @@ _TOWERS = ("stepper_a", "stepper_b", "stepper_c")
 _SCANNING = re.compile("scanner|cartographer|beacon|idm|probe_eddy_current .+")
 # Klipper's own, those of its descendants, and scanners that come with a module of their own.
 _PROBE = re.compile(
-    "probe|bltouch|smart_effector|load_cell_probe|dockable_probe|probe_eddy_current .+"
-    "|scanner|cartographer|beacon|idm"
+    f"probe|bltouch|smart_effector|load_cell_probe|dockable_probe|{_SCANNING.pattern}"
 )
 _CALIBRATION = "delta_calibrate"
 _DISTANCES = "distance"
@@ -97,24 +96,21 @@ class Settings(Content):
     def __init__(self, document: FileText) -> None:
         super().__init__(document)
         lines = list(enumerate(document.text.rstrip().split("\n"), start=1))
-        written = [(line, text[len(_SAVED) :]) for line, text in lines if text.startswith(_SAVED)]
-        above = [(line, text) for line, text in lines if not text.startswith(_SAVED)]
-        typed_at, typed = self._parsed(above)
-        saved_at, saved = self._parsed(written)
-        self.sections = {**saved_at, **typed_at}  # name → line
-        # Section → option → line, and text in as many lines as there.
-        self.options = Options(dict)
-        self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
+        self.sections = dict[str, int]()  # name → line
+        self.options = Options(dict)  # the text is in as many lines as there
+        for saved in (True, False):
+            part = ((line, text) for line, text in lines if text.startswith(_SAVED) == saved)
+            self._parse((line, text.removeprefix(_SAVED)) for line, text in part)
         # Whether it includes other files, which are not read.
-        self.included = any(name.startswith("include ") for name in typed_at)
+        self.included = any(name.startswith("include ") for name in self.sections)
         before, heading, _ = f"\n{document.text}".partition(_HEADING)
         self.heading = (before + heading).count("\n") - 1 if heading else 0  # its last line
         self.dropped = list(self._dropped(lines))
-        self.remarks = [
-            Reason.of("dropped", lines=lines, what=fault.what, remedy=fault.remedy)
-            for fault in self.dropped[:1]
-            for lines in [[str(f.line) for f in self.dropped if f.what == fault.what]]
-        ]
+        self.remarks = list[Reason]()
+        for first in self.dropped[:1]:
+            same = [str(fault.line) for fault in self.dropped if fault.what == first.what]
+            dropped = Reason.of("dropped", lines=same, what=first.what, remedy=first.remedy)
+            self.remarks.append(dropped)
 
     def _dropped(self, lines: Iterable[Entry]) -> Iterator[InputError]:
         """Faults that keep Klipper from reading the file, or what SAVE_CONFIG wrote there."""
@@ -132,10 +128,9 @@ class Settings(Content):
                 fault = f"Klipper drops SAVE_CONFIG's block: something stands {where} its heading."
                 yield InputError(fault, remedy, file=self.file, line=line, value=text)
 
-    def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:
-        """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
-        sections: dict[str, int] = {}
-        options = Options(dict)
+    def _parse(self, lines: Iterable[Entry]) -> None:
+        """Take sections and options from lines; they win over those that were taken before."""
+        sections = dict[str, int]()
         section, option, indented = "", "", 0  # no option where none can go on
         for line, raw in lines:
             text = _COMMENT.sub("", raw).rstrip()
@@ -144,9 +139,9 @@ class Settings(Content):
             if not plain:
                 continue
             if option and indent > indented:
-                start, value = options[section][option]
+                start, value = self.options[section][option]
                 goes_on = "\n" * (line - start - value.count("\n"))
-                options[section][option] = start, value + goes_on + plain
+                self.options[section][option] = start, value + goes_on + plain
                 continue
             option, indented = "", indent
             if header := _SECTION.match(plain):
@@ -158,12 +153,12 @@ class Settings(Content):
                 self.add(fault, "Write [name].", line=line, value=plain)
             elif setting := _OPTION.match(plain):
                 option = setting[1].lower()
-                options[section][option] = line, setting[2]
+                self.options[section][option] = line, setting[2]
             elif _MATTERS.fullmatch(section):
                 fault = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
                 self.add(fault, remedy, line=line, value=plain)
-        return sections, options
+        self.sections |= sections
 
     def place(self, path: Steps) -> Place:
         """Where an option stands, or its section."""
@@ -354,17 +349,16 @@ def _step(settings: Settings, tower: str) -> float:
 def _calibration(settings: Settings, machine: LinearDelta) -> Readings | None:
     """Probed heights, those entered by hand, and distances, at the places where the settings in
     force put the nozzle; None without heights, or after noting what is wrong."""
-    options, starts = settings.options[_CALIBRATION], dict[tuple[int, int, str], int]()
+    options, starts = settings.options[_CALIBRATION], dict[tuple[bool, str, int], int]()
     for option, (line, _) in options.items():
         match = _STORED.fullmatch(option)
         if match and match[3] in ("", *_POSITIONS[match[1]]):
-            key = [*_POSITIONS].index(match[1]), int(match[2]), match[1]
-            starts.setdefault(key, line)
+            starts.setdefault((match[1] == _DISTANCES, match[1], int(match[2])), line)
     if not starts:  # such a file need not say how long a step is
         return None
     step, stated, counts = [_step(settings, tower) for tower in _TOWERS], list[float](), []
-    for (_, number, name), line in sorted(starts.items()):
-        stem, low = f"{name}{number}", 0.0 if name == _DISTANCES else -LARGEST_MM
+    for (apart, name, number), line in sorted(starts.items()):
+        stem, low = f"{name}{number}", 0.0 if apart else -LARGEST_MM
         stated.append(settings.number(_CALIBRATION, stem, math.nan, low))
         if stem not in options:
             settings.missing(_CALIBRATION, stem, line)
@@ -376,7 +370,7 @@ def _calibration(settings: Settings, machine: LinearDelta) -> Readings | None:
                 settings.note((_CALIBRATION, stem), fault, remedy)
             ends.append(settings.read(_CALIBRATION, stem + end, _three, math.nan))
         counts.append([ends[0], ends[-1]])  # the same twice of a height
-    distance = np.array([name == _DISTANCES for _, _, name in sorted(starts)])
+    distance = np.array([apart for apart, _, _ in sorted(starts)])
     if settings.problems or distance.all():
         return None
     joints = machine.endstop_carriages_mm - np.array(counts) * step  # at both ends, (n, 2, 3)
@@ -388,7 +382,7 @@ def _calibration(settings: Settings, machine: LinearDelta) -> Readings | None:
     # What the settings in force take for higher is reached lower down.
     moved = Reason.of(NOZZLE[trimmed < 0.0], mm=abs(trimmed))
     remarks = (moved,) if abs(trimmed) > _TRIMMED_MM else ()
-    lines = np.array([starts[key] for key in sorted(starts)])
+    lines = np.array([line for _, line in sorted(starts.items())])
     return Readings(plan, value, lines, False, settings.document.source, remarks=remarks)
 
 

@@ -486,6 +486,7 @@ def _with_value(text: str, path: str, value: object) -> str:
     group, _, key = path.rpartition(".")
     start, end = _span(text, group or key)
     line = yaml_text({key: value}).strip("{}\n")
+    line = line if isinstance(value, str) else re.sub(r"\.0\b", "", line)
     standing = rf"\b{key}: (\[.*?\]|[^,}}#\n]*?)(?= *[,}}#\n])"
     if stands := re.compile(standing).search(text, start, end):
         return text[: stands.start()] + line + text[stands.end() :]

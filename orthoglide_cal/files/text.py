@@ -89,10 +89,35 @@ def read_bytes(path: str) -> bytes:
 
 def document_from_bytes(data: bytes, path: str) -> FileText:
     """The text of `data`. Raises InputError as `read_document` does."""
+
+    def refused(
+        fault: str, remedy: str, at: int | None = None, value: str | None = None
+    ) -> InputError:
+        line = None if at is None else len((data[:at] + b".").splitlines())
+        return InputError(fault, remedy, file=path, line=line, value=value)
+
     check_size(len(data), path, _LARGEST)
-    text = _decoded(data, path)
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise refused("The text is encoded as UTF-16.", _UTF8, 0)
+    if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+        fault = "This is a spreadsheet or an archive, not text."
+        raise refused(fault, "Save the sheet as CSV (UTF-8) and give that file.")
+    if b"\0" in data:
+        fault = "This is no text file, or a damaged one: it holds a NUL byte."
+        raise refused(fault, _GIVE, data.index(b"\0"))
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        if CONTROL.search(data.decode("ascii", "ignore")):
+            raise refused("This is no text file.", _GIVE) from error
+        fault, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
+        raise refused(fault, _UTF8, error.start, f"byte 0x{value:02X}") from error
+    if control := CONTROL.search(text):
+        fault, remedy = "The text holds a control character.", "Remove it; a file is plain text."
+        raise refused(fault, remedy, data.index(control[0].encode()), control[0])
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     if not text.strip():
-        raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)
+        raise refused("The file is empty.", "Give another, or restore a copy.")
     marked, sha256 = data.startswith(codecs.BOM_UTF8), hashlib.sha256(data).hexdigest()
     return FileText(path, text, marked, sha256, data)
 
@@ -114,8 +139,7 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     Raises UsageError: the file exists and may not be replaced; InputError: it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    # Remove temporary files of interrupted writes, once nobody can be writing them; also a second
-    # name of this file.
+    # Temporary files of interrupted writes: those that nobody can be writing, and names of `path`.
     for left in filter(lambda left: _LEFT.fullmatch(left.name), path.parent.glob(".*.tmp")):
         with suppress(OSError):
             if time.time() - left.stat().st_mtime > _ABANDONED_S or left.samefile(path):
@@ -167,16 +191,12 @@ def _keep_owner(path: Path, other: Path) -> None:
 
 
 def _publish(temporary: Path, path: Path) -> None:
-    """Give a finished file its name. Raises FileExistsError if another file has it.
-
-    A link fails where a rename would replace; file systems without links (USB sticks) get a check
-    and a rename.
-    """
+    """Give a finished file its name. Raises FileExistsError if another file has it."""
     try:
-        path.hardlink_to(temporary)
+        path.hardlink_to(temporary)  # fails where a rename would replace
     except FileExistsError:
         raise
-    except OSError:
+    except OSError:  # a file system without links (USB sticks)
         if path.exists():
             raise FileExistsError(str(path)) from None
         temporary.rename(path)
@@ -219,36 +239,6 @@ def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 
 
 def in_csv(text: str) -> str:
-    """The text for a cell of a CSV; a formula gets a "'" in front.
-
-    Numbers are not passed through this function, so that "-0.53" stays a number.
-    """
+    """The text for a cell of a CSV; a formula gets a "'" in front, and so would a number."""
     dangerous = text.startswith(_FORMULA) or text.lstrip().startswith(("=", "+", "-", "@"))
     return ("'" if dangerous else "") + visible(text)
-
-
-def _decoded(data: bytes, path: str) -> str:
-    def refused(fault: str, remedy: str, at: int, value: str | None = None) -> InputError:
-        line = len(data[:at].splitlines()) + data[:at].endswith((b"\n", b"\r"))
-        return InputError(fault, remedy, file=path, line=max(line, 1), value=value)
-
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise refused("The text is encoded as UTF-16.", _UTF8, 0)
-    if data.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        fault = "This is a spreadsheet or an archive, not text."
-        raise InputError(fault, "Save the sheet as CSV (UTF-8) and give that file.", file=path)
-    nul = data.find(b"\0")
-    if nul >= 0:
-        fault = "This is no text file, or a damaged one: it holds a NUL byte."
-        raise refused(fault, _GIVE, nul)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        fault, value = "The text is not UTF-8 (Latin-1 or a Windows code page?).", data[error.start]
-        if CONTROL.search(data.decode("ascii", "ignore")):
-            raise InputError("This is no text file.", _GIVE, file=path) from error
-        raise refused(fault, _UTF8, error.start, f"byte 0x{value:02X}") from error
-    if control := CONTROL.search(text):
-        fault, remedy = "The text holds a control character.", "Remove it; a file is plain text."
-        raise refused(fault, remedy, data.index(control[0].encode()), control[0])
-    return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -1,8 +1,7 @@
 """Content of a file as a tree with the line of each node; YAML to one; and all that is wrong in it.
 
-Each fault has its place, and pydantic's errors are in words. Scalars stay text (None for null):
-what is a number is decided by the schema that wants one, not by YAML's guesses (`1e-3` a text,
-`012` ten, `1:30` ninety, `on` true).
+Scalars stay text (None for null): what is a number is decided by the schema that wants one, not by
+YAML's guesses (`1e-3` a text, `012` ten, `1:30` ninety, `on` true).
 """
 
 import json
@@ -10,6 +9,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
+from functools import partial
 from itertools import chain, count
 from typing import Any, get_args, get_type_hints
 
@@ -23,13 +23,14 @@ from orthoglide_cal.schema import Reason, parse_number, yaml_number
 Steps = tuple[str | int, ...]
 # Where a fault is: line from 1, column header or dotted path, and the text there.
 Place = tuple[int | None, str | None, str | None]
+Words = Mapping[str, tuple[str, str]]  # kind of fault → what is wrong and the remedy
 _MOST = 1000  # faults; a file of garbage has millions, and nobody reads them
 _FIRST = "Correct the first ones and try again."
 _NUMBER = "Check its digits and its unit{mm}."
 
-# Type of pydantic's error → what is wrong and the remedy; {…} are the error's own values, the last
-# key of the path, and the words that are known there.
-WORDS = {
+# By the type of pydantic's error; {…} are its values, the last key of the path, and the words that
+# are known there.
+WORDS: Words = {
     "missing": ("The key is missing.", "Add a line `{key}: …`."),
     "too_short": ("The list is too short.", "Add an entry."),
     "too_long": ("The list has too many entries.", "Remove some."),
@@ -118,13 +119,11 @@ class Content:
 
     def place(self, path: Steps) -> Place:
         """Where the node at `path` stands; of one that is missing, where its parent does."""
-        value, there = self.value, path
+        there = path
         while there and there not in self.lines:
             there = there[:-1]
-        for step in there:
-            value = value[step]
-        text = value if there == path and isinstance(value, str) else None
-        return self.lines.get(there, 1), dotted(path), text
+        text = self.at(path) if there == path else None
+        return self.lines.get(there, 1), dotted(path), text if isinstance(text, str) else None
 
     def note(self, path: Steps, fault: str, remedy: str, value: str | None = None) -> None:
         """Note a fault of the node at `path`; `value` instead of the text there."""
@@ -132,19 +131,11 @@ class Content:
         self.add(fault, remedy, line, column, value or text)
 
     def take(
-        self,
-        error: ValidationError,
-        schema: object,
-        at: Steps = (),
-        words: Mapping[str, tuple[str, str]] = {},
+        self, error: ValidationError, schema: object, at: Steps = (), words: Words = WORDS
     ) -> None:
-        """Note everything that pydantic found.
+        """Note all that pydantic found in what stands at a path, and was checked by a schema.
 
-        Args:
-            error: what it raised.
-            schema: what the content was checked by, for the names that are known there.
-            at: path of what was checked.
-            words: instead of those for all files: "missing posture" → (what, remedy).
+        `words`, by kind and key ("missing posture"), go before those for all files.
         """
         for finding in error.errors(include_url=False):
             path, given = finding["loc"], finding.get("ctx", {})
@@ -170,10 +161,9 @@ class Content:
             key = next((step for step in reversed(path) if isinstance(step, str)), "value")
             usual = WORDS.get(kind, (f"{finding['msg']}.", "Correct it."))
             mm = "; lengths are in mm" if key.endswith("_mm") else ""
-            data = {"mm": mm, "key": key, "near": nearest(meant, known), "known": ", ".join(known)}
-            fault, remedy = (
-                text.format(**given, **data) for text in words.get(f"{kind} {key}", usual)
-            )
+            near, names = nearest(meant, known), ", ".join(known)
+            data = {**given, "mm": mm, "key": key, "near": near, "known": names}
+            fault, remedy = (text.format(**data) for text in words.get(f"{kind} {key}", usual))
             self.add(fault, remedy, *self.place((*at, *path)))
 
     def parse(self, text: str) -> float:
@@ -221,16 +211,16 @@ _NULLS = ("", "~", "null", "Null", "NULL")
 def load_tree(file: FileText) -> Content:
     """Parse a file without resolving anything.
 
-    Work and memory are bounded by the size limit: aliases, anchors and tags are refused, as are
-    more than 20 levels or 60,000 nodes, before what follows them is looked at. Raises InputError:
-    not YAML, or something refused, with its line.
+    Aliases, anchors and tags are refused, as are more than 20 levels or 60,000 nodes, before what
+    follows them is looked at. Raises InputError: not YAML, or something refused, with its line.
     """
     check_size(len(file.data), file.path, YAML_LIMIT)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     events: Iterator[Any] = yaml.parse(file.text, Loader=loader)
     tree, nodes, documents = Content(file), count(1), 0
 
-    def check(event: yaml.NodeEvent, path: Steps, line: int) -> None:
+    def read(event: yaml.NodeEvent, path: Steps, line: int) -> object:
+        """The value of the node that begins with an event; a key is at the path of its group."""
         tag, text = getattr(event, "tag", None), getattr(event, "value", "")
         refused = (
             (event.anchor, "Anchors and aliases are not accepted.", "Write the value out."),
@@ -245,15 +235,10 @@ def load_tree(file: FileText) -> Content:
                 raise InputError(
                     fault, remedy, file=file.path, line=line, column=column, value=value
                 )
-
-    def read(event: yaml.NodeEvent, path: Steps, line: int) -> object:
-        """The value of the node that begins with an event."""
-        check(event, path, line)
-        tree.lines[path] = line
+        tree.lines.setdefault(path, line)
         if isinstance(event, yaml.ScalarEvent):
             return None if not event.style and event.value in _NULLS else event.value
-        items: list[object] = []
-        group: dict[str, object] = {}
+        items, group = list[object](), dict[str, object]()
         for inner in events:
             line = inner.start_mark.line + 1
             if isinstance(inner, yaml.CollectionEndEvent):
@@ -261,19 +246,16 @@ def load_tree(file: FileText) -> Content:
             if isinstance(event, yaml.SequenceStartEvent):
                 items.append(read(inner, (*path, len(items)), line))
                 continue
-            check(inner, path, line)
-            if not isinstance(inner, yaml.ScalarEvent) or (
-                not inner.style and inner.value in _NULLS
-            ):
+            collection = isinstance(inner, yaml.CollectionStartEvent)
+            if collection or not isinstance(name := read(inner, path, line), str):
                 fault, remedy = "A key must be a word.", "Write `name: value`."
                 raise InputError(fault, remedy, file=file.path, line=line)
-            key = (*path, inner.value)
-            first, value = tree.lines.get(key), read(next(events), key, line)
-            if inner.value in group:
-                fault = f"The key is given twice (first in line {first})."
-                text = value if isinstance(value, str) else None
-                tree.add(fault, "Remove one of them.", line, dotted(key), text)
-            group.setdefault(inner.value, value)
+            node = read(next(events), key := (*path, name), line)
+            if name in group:
+                fault = f"The key is given twice (first in line {tree.lines[key]})."
+                value = node if isinstance(node, str) else None
+                tree.add(fault, "Remove one of them.", line, dotted(key), value)
+            group.setdefault(name, node)
         return items if isinstance(event, yaml.SequenceStartEvent) else group
 
     try:
@@ -292,8 +274,7 @@ def load_tree(file: FileText) -> Content:
         if problem is None:
             problem, remedy = "a character is not allowed", "Save it as plain UTF-8 text."
         line = mark.line + 1 if mark else None
-        blanks = "".join(file.text.splitlines()[line - 1 : line]) if line else ""
-        if "\t" in blanks[: len(blanks) - len(blanks.lstrip())]:
+        if line and re.match(r"\s*\t", "".join(file.text.splitlines()[line - 1 : line])):
             problem, remedy = "a tab in the indentation", "Indent with spaces, not tabs."
         fault = f"This is not valid YAML: {problem}."
         if "nesting depth" in problem:  # a limit of the parser, which looks ahead
@@ -308,13 +289,6 @@ def yaml_text(value: object, width: int = 1000) -> str:
     Groups of numbers go on in the next line behind `width` characters.
     """
     # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
-    apart = json.loads(json.dumps(value))
-    written: str = yaml.dump(
-        apart,
-        Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper),
-        default_flow_style=None,
-        sort_keys=False,
-        allow_unicode=True,
-        width=width,
-    )
-    return written
+    apart, dumper = json.loads(json.dumps(value)), getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    write = partial(yaml.dump, default_flow_style=None, sort_keys=False, allow_unicode=True)
+    return str(write(apart, Dumper=dumper, width=width))

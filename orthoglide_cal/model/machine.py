@@ -335,7 +335,7 @@ class Machine(Schema):
     geometry_keys: ClassVar[tuple[str, ...]]
 
     kind: str  # what tells the classes apart in the file
-    name: Annotated[Word, ask("Name of the machine", "stands on every report", "")]
+    name: Annotated[Word, ask("Name of the machine", "stands on every report", unit="")]
     # How far a home switch can plausibly be off; None for what is usual.
     homing_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] | None = None
     # Cause id → plausible size (one standard deviation, in its unit); 0 rules it out.

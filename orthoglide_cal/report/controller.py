@@ -19,7 +19,6 @@ from orthoglide_cal.report.sentences import FIRMWARES, cause_words
 from orthoglide_cal.results.answer import Identity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
-    coverage_words,
     moment_words,
     plain,
     two_figures,
@@ -75,7 +74,7 @@ def _text(case: Case) -> Iterator[str]:
     yield from (
         "",
         f"{case.words.title}{unit} ({case.words.relation}; U: expanded"
-        f" uncertainty, {coverage_words(answer.k or 0.0)}, 95 %)",
+        f" uncertainty, k = {answer.k or 0.0:.2f}, 95 %)",
     )
     yield from ("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
     yield ""

@@ -51,8 +51,8 @@ class MachineName(Schema):
 class Remedy(Schema):
     """Something to do about the result, or instead of entering it.
 
-    `sentence` ends with a colon where its command follows: `verb` and `options` are those of a
-    command about the same file; "measure" with other options begins a session of its own.
+    A command about the same file follows the sentence, of `verb` and `options`; "measure" with
+    options of its own begins a session.
     """
 
     sentence: Sentence
@@ -108,7 +108,7 @@ class Validity(Schema):
 
     @property
     def cautions(self) -> tuple[Reason, ...]:
-        """The reservations that concern the result itself, not only its papers."""
+        """The reservations on the result itself, not on its papers."""
         return tuple(r for r in self.reservations if r.code != "not_recorded")
 
 
@@ -266,17 +266,12 @@ class Identity(Schema):
 def identify(inputs: Iterable[Input], *options: object, issued: datetime | None = None) -> Identity:
     """Identity of a result; it is issued now if no time is given.
 
-    The number is another for other files, for other machines that they are judged by, and for other
-    options that change the content (their `str` distinguishes them).
+    The number depends on the files, the machines that they are judged by, and the options that
+    change the content (by their `str`).
     """
     software = f"orthocal {__version__}"
-    parts = []
-    for given in inputs:
-        source, model = given.measured.source, given.model
-        data = [source.excerpt.data] if source.excerpt else []
-        judged = *model.ruled_out, machine_values(model)
-        parts.append((source.path, source.sha256, *data, *judged))
-    made_of = repr((software, parts, [str(option) for option in options]))
+    judged = [(InputFile.of(one), one.model.ruled_out, machine_values(one.model)) for one in inputs]
+    made_of = repr((software, judged, [str(option) for option in options]))
     digest = hashlib.sha256(made_of.encode()).hexdigest()[:12].upper()
     return Identity(
         number=f"OC-{digest[:6]}-{digest[6:]}",

@@ -71,7 +71,7 @@ class Application:
 
     @property
     def changes(self) -> bool:
-        """False where nothing needs to be entered: then nothing is recorded, either."""
+        """False where nothing needs to be entered, nor recorded."""
         return self.then is not self.file
 
     @property
@@ -150,19 +150,14 @@ def apply(
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
-    What was active before is what the measurement says of it. A released answer that needs nothing
-    to be entered changes nothing. Raises UsageError: the measurement is of another machine, was
-    applied before, or other offsets were entered since; the controller's file is of another kind of
-    machine, or does not hold what it held then.
+    Raises UsageError: the measurement is of another machine, was applied before, or other offsets
+    were entered since; the controller's file is of another kind, or holds other values than then.
     """
     source, model = given.measured.source, given.model
     for machine in (file.model.machine, model.machine):
         if controller is not None and controller.format != machine.controller_formats[0]:
-            raise UsageError(
-                f"{controller.target} is a {controller.format} file; {machine.name} is of kind"
-                f" {machine.kind}.",
-                "Name the file of its own controller.",
-            )
+            fault = f"{controller.target} is a {controller.format} file; {machine.name} is of kind"
+            raise UsageError(f"{fault} {machine.kind}.", "Name the file of its own controller.")
     if given.recorded is not None:
         # Causes may have been accepted since; rails and legs are what they were.
         _check_same_machine(given.recorded, file, but=("identified",))
@@ -174,7 +169,8 @@ def apply(
     made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
         return Application(file, entry, file)
-    history, last = file.model.machine.history, _last_written(file)
+    history = file.model.machine.history
+    last = history[-1].written if history else None
     known = last if last and controller and last.target == controller.target else None
     killed = controller and known and known.sha256_before == controller.sha256
     if killed and history[-1].data_sha256 == sha256:
@@ -222,8 +218,7 @@ def file_to_record_in(
 ) -> StoredMachine | None:
     """The machine file that records what is entered; a new one where a printer has none yet.
 
-    None: there has to be one. Raises UsageError: only the controller's file would hold it;
-    UnusableResultError as `check_measured`.
+    None: there has to be one. Raises UsageError: only the controller's file would hold it.
     """
     check_measured(given, file, to_controller=controller is not None)
     if recording(given) == "elsewhere":
@@ -243,8 +238,7 @@ def check_measured(
 ) -> None:
     """Raise UnusableResultError for what was practised: it goes into a file for practice only.
 
-    A machine file for practice describes no real machine, and may hold causes that were accepted
-    from simulated readings: what is judged by it never reaches a controller.
+    What is judged by such a file, of no real machine, never reaches a controller.
     """
     practice = file is not None and file.model.machine.practice
     if given.measured.source.simulated and (to_controller or not practice):
@@ -309,22 +303,16 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
 
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
-    written = _last_written(file)
-    if written and written.values and Path(written.target).is_file():
-        return written.target if holds(written.target, written.sha256_before) else None
+    for written in (entry.written for entry in file.model.machine.history[-1:]):
+        if written and written.values and Path(written.target).is_file():
+            return written.target if holds(written.target, written.sha256_before) else None
     return None
-
-
-def _last_written(file: StoredMachine) -> Written | None:
-    history = file.model.machine.history
-    return history[-1].written if history else None
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:
     machine, measured = file.model.machine, measured_on.machine
     others = ["name"] if measured.name != machine.name else []
-    others += [key for key in differing(measured_on, file.model) if key not in but]
-    if others:
+    if others := [*others, *(key for key in differing(measured_on, file.model) if key not in but)]:
         raise UsageError(
             f"This was measured on {measured.name!r}, which differs from the machine of"
             f" {file.document.path}, {machine.name!r}, in: {', '.join(others)}.",
@@ -361,10 +349,10 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
 def take_back(
     file: StoredMachine, sha256: str | None = None, controller: ControllerFile | None = None
 ) -> Application:
-    """Undo the last entry: it leaves the history, and what was before it is active again.
+    """Undo the last entry, of measurement `sha256` if given: what was before it is active again.
 
-    It must come from measurement `sha256`, if that is given. Raises UsageError: there is no such
-    entry, the offsets or the controller's file were changed since, or it was written to another.
+    Raises UsageError: there is none, the offsets or the controller's file were changed since, or it
+    was written to another.
     """
     machine, path = file.model.machine, file.document.path
     if not machine.history:

@@ -7,8 +7,7 @@ The parameters are those under the verdict:
     ambiguous      their mean over the open explanations, widened by that choice
     unexplained    alone, widened by the unexplained part
 
-and with a method that was asked for always the parameters alone, as the paper has them. Whether
-they may be entered, what to do if not, and under which conditions they hold is stated here, too.
+With a method that was asked for they are always those alone, as the paper has them.
 """
 
 import math
@@ -83,9 +82,9 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also sensitivity, the tool's error, and the residuals if nothing is wrong.
         corrects: ids that the controller is to correct, too: those hold no release.
-        dates: of which the input is made, oldest first; each is given its parameters.
+        dates: of which the input is made, oldest first.
 
-    Raises UsageError, InputError as `solve`; of a result that must not be used the answer says so.
+    Raises UsageError, InputError as `solve`.
     """
     measured, model = given.measured, given.model
     machine, conditions = model.machine, validity(given)
@@ -117,9 +116,8 @@ def answer_to(
         retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
     verdict, alone = diagnosis.verdict, widened(given, solution, diagnosis.adds_to(solution))
-    consistent, named = verdict is Verdict.CONSISTENT, verdict is Verdict.NAMED
-    judged = alone if consistent else _as_diagnosed(given, solution, diagnosis)
-    chosen = alone if method else judged
+    judged = alone if verdict is Verdict.CONSISTENT else _as_diagnosed(given, solution, diagnosis)
+    chosen, named = alone if method else judged, verdict is Verdict.NAMED
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
     budget, offsets_only = chosen.budget, parameters_of(alone)
@@ -160,8 +158,8 @@ def answer_to(
     workspace, std = None, budget.std_mm
     if details:
         with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
-            at_most = budget.covariance_mm2, budget.k
-            workspace = workspace_error(real.model, chosen.offsets_mm, *at_most)
+            spread = budget.covariance_mm2, budget.k
+            workspace = workspace_error(real.model, chosen.offsets_mm, *spread)
     without = schema.Alone(parameters=offsets_only, rms_after_mm=solution.rms_after_mm)
     correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
@@ -260,10 +258,8 @@ def _reservations(given: Input, gauges: Sequence[UsedGauge]) -> Iterator[Reason]
     }
     missing = [name for name in given.model.machine.noted if not stated[name]]
     for gauge in gauges:
-        if not gauge.certificate:
-            missing.append(f"certificate of gauge {gauge.id}")
-        if not gauge.due:
-            missing.append(f"due date of gauge {gauge.id}")
+        papers = {"certificate": gauge.certificate, "due date": gauge.due}
+        missing += [f"{name} of gauge {gauge.id}" for name, known in papers.items() if not known]
     if missing and not given.measured.source.simulated:
         yield Reason.of("not_recorded", missing=missing)
 
@@ -311,10 +307,7 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
 def _with_others(
     decision: Release, parameters: Sequence[Parameter], others: Iterable[schema.Answer]
 ) -> Release:
-    """The release of parameters, knowing what the other data of the same file say.
-
-    Those of the same settings hold it where their parameters contradict these beyond U.
-    """
+    """The release, held where other data of the same file and settings contradict it beyond U."""
     reasons, cautions = [], []
     for other in others:
         apart = [
@@ -388,12 +381,11 @@ def _residuals(
 
 
 def _number(value: float) -> float | None:
-    """None where it is not known."""
     return None if math.isnan(value) else float(value)
 
 
 def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
-    """Parameters, and what no reading of this kind determines: taken as the controller has it."""
+    """Parameters, and what no such reading determines: taken as the controller has it."""
     unsure = [(one.name, one.expanded, one.unit) for one in parameters if not one.determined]
     known = {effect.cause.id for effect in model.accepted}
     fixed = (CAUSES[id] for id in model.machine.fixed_parameters if id not in known)
@@ -405,13 +397,13 @@ def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[sch
 def _check(
     given: Input, known: OffsetEstimate, promised: Sequence[PromisedDifference], k: float
 ) -> schema.CheckReading:
-    """The difference that the offsets change most: it shows whether they were entered."""
+    """The difference that the offsets change most."""
     row = max(promised, key=lambda row: abs(row.measured_mm - row.expected_mm))
     machine = given.model.machine
     series, posture = next(e for e in chain(*DIFFERENCES.values()) if e.name == row.name)
-    ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
     tools = np.zeros((2, len(AXES)))
-    tools[:, series.leg] = [machine.displacement_mm(end) for end in ends]
+    for tool, end in zip(tools, (posture or Posture.MIN, posture or Posture.MAX), strict=True):
+        tool[series.leg] = machine.displacement_mm(end)
     sigma = max(known.noise.sigma_mm, machine.instrument.noise_mm)
     return schema.CheckReading(
         what=row.name,
@@ -439,9 +431,8 @@ def release(
 ) -> Release:
     """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
-    Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
-    prevents it only if it moves the offsets by more than their uncertainty, and the controller is
-    not to correct it (`corrects`). `following` would distinguish what is left open.
+    A named cause prevents it only if it moves them by more than their uncertainty, and the
+    controller is not to correct it (`corrects`). `following` would distinguish what is left open.
     """
     failures, judged = tuple(_failures(solution)), Release()
     if diagnosis.verdict is Verdict.NAMED:
@@ -554,10 +545,10 @@ def _named(
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
     largest = int(np.argmax(shift))
     size = {"change": float(shift[largest]), "unit": machine.parameter_units[largest]}
+    remedies = list[Remedy]()
     if faults := [fault for fault in diagnosis.unshown if fault.matters]:
         # Faults that these readings would not show are looked at first.
         reasons = [Reason.of("cause_found", ids=ids, **size)]
-        remedies = []
         for fault in faults:
             place = {"id": fault.id, "where": fault.where}
             moved = {"change": fault.change, "unit": fault.unit}
@@ -567,14 +558,11 @@ def _named(
             decides = _decisive(diagnosis, following)
             remedies.append(decides.changed(sentence=Reason.of("or", first=decides.sentence)))
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
-    remedies = []
     # A slip in the record is looked for sooner than a machine is taken apart.
     for finding in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
         id, cause = finding.id, CAUSES[finding.id]
-        if finding.recommended:
-            remedies.append(Remedy.of("accept", "diagnose", f"--accept {id}", id=id))
-        else:
-            remedies.append(Remedy(sentence=finding.remedy))
+        accept = Remedy.of("accept", "diagnose", f"--accept {id}", id=id)
+        remedies.append(accept if finding.recommended else Remedy(sentence=finding.remedy))
         if cause.by_joint and machine.adds_to_joints:
             remedies.append(Remedy.of("controller_corrects", "apply", "--to FILE.ini", id=id))
         elif cause.with_travel or id in machine.fixed_parameters:
@@ -588,7 +576,7 @@ def _named(
     elif all(id in corrects for id in ids):
         caution = Reason.of("corrected", ids=ids, **size)
     else:
-        probability = diagnosis.causes[0].probability
-        reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
+        size["probability"] = diagnosis.causes[0].probability
+        reason = Reason.of("offsets_wrong", ids=ids, **size)
         return Release(reasons=(reason,), remedies=tuple(remedies))
     return Release(cautions=(caution,), remedies=tuple(remedies))

@@ -1,7 +1,6 @@
 """A live adjustment: loosen, push until the gauge reads what it should, tighten, check.
 
-Each parameter has five steps in the journal, one for each phase; what is pushed is read again and
-again. Progress follows from what was read, whatever interrupted it.
+Each parameter has a step in the journal for each phase. Progress follows from what was read.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -32,8 +32,7 @@ AFTER_A_DRIVE_S = 2.0  # no machine is driven to another posture sooner [s]
 STREAM, EVEN_S = 4, 0.15
 BY_HAND_S = 0.06  # a gauge, or one that acts as a keyboard, is faster [s per character]
 BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s]
-# Some gauges end their number with TAB.
-_ENDS = "\r\n\t"
+_ENDS = "\r\n\t"  # some gauges end their number with TAB
 _ERASE, _ERASE_ALL = "\x7f\b", "\x15"
 _END_OF_INPUT = "\x04\x1a"  # Ctrl-D; on Windows Ctrl-Z, which elsewhere is no key but a signal
 _WIDEST = 80  # more is not easily read; taken where nobody says how wide the screen is

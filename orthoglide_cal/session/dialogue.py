@@ -71,8 +71,7 @@ from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed,
 TYPED, VIRTUAL = "typed", "simulated"
 JOURNAL = ".journal"
 _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's name
-# What every U before the end leaves out: asking what else may be wrong takes all readings.
-UNLESS = "95 % if nothing else is wrong"
+UNLESS = "95 % if nothing else is wrong"  # of U: what else may be wrong shows at the end only
 WAIT_S = 0.3  # how often a machine that is followed is looked at
 
 HELP = """\
@@ -101,8 +100,7 @@ Not kept: the gauge cannot show this. Read it again, or skip it: s and why.
 Set a gauge that has a preset to zero. If its stated range is wrong: q, then
 correct range_mm in the machine file and begin anew."""
 
-# Keys as words, too.
-_KEYS = {
+_KEYS = {  # as words, too
     **{key: key for key in "urnstq?"},
     **{"undo": "u", "back": "u", "retake": "r", "note": "n", "skip": "s", "help": "?"},
     **dict.fromkeys(("quit", "exit"), "q"),
@@ -377,16 +375,15 @@ class Dialogue:
 
     def _stood(self, step: SessionStep) -> tuple[float, str]:
         """As `Standing.at`; nowhere if it is not followed, which is said once if it was."""
-        if self.standing is None:
-            return 0.0, ""
-        try:
-            return self.standing.at(*self.setting.point(step), self.setting.machine.home_mm)
-        except (OSError, ValueError) as gone:
-            self.standing.close()
-            self.standing = None
-            lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
-            self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
-            return 0.0, ""
+        if standing := self.standing:
+            try:
+                return standing.at(*self.setting.point(step), self.setting.machine.home_mm)
+            except (OSError, ValueError) as gone:
+                standing.close()
+                self.standing = None
+                lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
+                self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
+        return 0.0, ""
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
@@ -427,9 +424,9 @@ class Dialogue:
                 if not (why := _clean(why) or self._words(asked)):
                     return
                 self.write(events.Noted(at=self.now(), step=step.number, text=why))
-            self._keep(pending)
+            self._accept(events.Answered(at=self.now(), keep=True))
         elif word == "m" and may_move:
-            self._keep(pending, moved=True)
+            self._accept(events.Answered(at=self.now(), keep=True, moved=True))
         elif _KEYS.get(word) == "u":
             self._undo()
         else:
@@ -503,12 +500,10 @@ class Dialogue:
             far = f"The machine stands {away_mm:.2f} mm from this posture: drive there first?"
             question = Question(Doubt.PLACE, far)
         if question is None:
-            self.write(taken)
-            self._acknowledge(step, value)
+            self._accept(taken)
             return
         doubt, text = question
-        asked = Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text)
-        self.write(asked)
+        self.write(Questioned(**taken.model_dump(exclude={"kind"}), doubt=doubt, question=text))
         self.asker.rest(driving=False)
         before = [old for old, _ in self.state.replaced if old.step == step.number]
         near = (o for o in before if abs(value - o.value_mm) <= 3.0 * readings.sigma_mm)
@@ -518,7 +513,7 @@ class Dialogue:
             self.asker.say(OUT_OF_RANGE, Style.BAD)
         elif again:
             self.asker.say("The same reading again: kept, with a note.")
-            self._keep(asked)
+            self._accept(events.Answered(at=self.now(), keep=True))
 
     def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
         """The record of a reading that arrives now."""
@@ -532,26 +527,22 @@ class Dialogue:
             remark=remark,
         )  # fmt: skip
 
-    def _keep(self, reading: Questioned, moved: bool = False) -> None:
-        self.write(events.Answered(at=self.now(), keep=True, moved=moved))
-        self._acknowledge(self.setting.steps[reading.step - 1], reading.value_mm)
-
-    def _acknowledge(self, step: SessionStep, value: float) -> None:
-        """Say that it is saved; after the last gauge of a posture, the offsets so far."""
-        so_far, last = self.so_far, ""
-        stays = any(other.visit == step.visit for other in so_far.left[:1])
+    def _accept(self, event: Event) -> None:
+        """Save a reading; after the last gauge of a posture, say the offsets so far."""
+        self.write(event)
+        so_far, unit, last = self.so_far, self.request.unit, ""
+        stays = any(other.visit == so_far.steps[-1].visit for other in so_far.left[:1])
         self.asker.rest(driving=not stays)
         for i in so_far.repeats[-1:]:
-            before = value_text(float(so_far.value[i]), self.request.unit)
-            last = f"   (cycle {so_far.steps[i].cycle}: {before})"
-        saved = f"   saved {value_text(value, self.request.unit)}{last}"
+            last = f"   (cycle {so_far.steps[i].cycle}: {value_text(float(so_far.value[i]), unit)})"
+        saved = f"   saved {value_text(float(so_far.value[-1]), unit)}{last}"
         self.asker.say(saved, Style.GOOD, pushes=not stays)
         if not stays:
             self._say_offsets()
             self._shorten()
 
     def _say_offsets(self) -> None:
-        """The offsets so far with their U; what else may be wrong adds to it at the end only."""
+        """The offsets so far with their U."""
         solution, expanded = self.so_far.solution, self.so_far.expanded_mm
         if solution is None or expanded is None:
             return
@@ -869,10 +860,8 @@ def planned_next(
     change = np.subtract((x, y, z), first.left_entered)
     # To act they were homed for, and that has pushed stands that were still there.
     moved = bool(change.round(6).any())
-    number = request.choice or next(
-        k for k, option in enumerate(options, 1) if not (moved and option.continues)
-    )
-    option = options[number - 1]
+    possible = (option for option in options if not (moved and option.continues))
+    option = options[request.choice - 1] if request.choice else next(possible)
     plan = GaugePlan.require(option.plan)
     if moved and option.continues:
         fault = "The offsets in the controller were changed since the last reading: that"
@@ -897,7 +886,7 @@ def _recommended(
     path: str, request: Request
 ) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
-    keeper, choice = request.keeper, request.choice
+    keeper, choice = request.keeper, request.choice or 1
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
@@ -913,7 +902,7 @@ def _recommended(
         fault += " gauges; readings of both kinds cannot be joined."
         raise UsageError(fault, "Measure a separate session: orthocal measure")
     options = rank_measurements(diagnose(first.readings, first.model))
-    if choice is not None and choice > len(options):
+    if choice > len(options):
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.machine.active + first.left_entered

@@ -252,14 +252,12 @@ class State:
     dropped: Mapping[int, str] = field(default_factory=dict)  # step no longer needed → reason
     replaced: tuple[tuple[Arrived, str], ...] = ()  # (reading that no longer counts, reason)
     notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
-    # (step number, rank) of readings from which on a stand stood elsewhere.
-    moved: tuple[tuple[int, int], ...] = ()
+    moved: tuple[tuple[int, int], ...] = ()  # (step, rank) of readings since which a stand moved
     pending: Questioned | None = None  # a questioned reading that waits for an answer
     ended: Ended | None = None  # the last record, once the session is complete
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
-    # The state to which an undo returns.
-    before: "State | None" = field(default=None, repr=False, compare=False)
+    before: "State | None" = field(default=None, repr=False, compare=False)  # to undo
 
     def is_open(self, step: int) -> bool:
         """True if this step still has to be measured."""
@@ -388,20 +386,15 @@ class Journal:
         for number, line in enumerate(BytesIO(data), start=1):
             try:
                 event, after = _decode_line(line.rstrip(b"\n"), checksum)
-            except ValueError as error:
+            except InputError as error:
                 rest = data[size + len(line) :].strip(b"\0\n")
                 if number > 1 and not rest and line.count(_BEGIN) <= 1:
                     break
-                fault = f"The journal is damaged here: {error}."
-                remedy = "Restore the file from a copy"
-                if isinstance(error.__cause__, ValidationError):
-                    remedy = "Use the orthocal that wrote it, or restore the file from a copy."
-                elif number > 1:
-                    remedy += "; or resume a copy of the lines above this one."
-                else:
-                    fault = "This is not the journal of a session."
-                    remedy += ", or begin a new session."
-                raise InputError(fault, remedy, file=str(path), line=number) from error
+                if number == 1 and not isinstance(error.__cause__, ValidationError):
+                    error.what = "This is not the journal of a session."
+                    error.remedy = "Restore the file from a copy, or begin a new session."
+                error.file, error.line = str(path), number
+                raise
             events.append(event)
             checksum, size = after, size + len(line)
         if not events or not isinstance(events[0], Opened):
@@ -470,14 +463,16 @@ class Journal:
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
     match, step = _LINE.fullmatch(line), re.search(rb'"step":([0-9]+)', line)
     entry = f"the entry of step {int(step[1])}" if step else "an entry"
+    fault = "The journal is damaged here:"
+    remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
     if match is None:
-        raise ValueError(f"{entry} is cut off or altered")
+        raise InputError(f"{fault} {entry} is cut off or altered.", remedy)
     after = zlib.crc32(match[2], checksum)
     if match[1] != b"%08x" % after:
-        raise ValueError(f"{entry} does not match its checksum")
+        raise InputError(f"{fault} {entry} does not match its checksum.", remedy)
     try:
         return RECORD.validate_json(match[2]), after
     except ValidationError as error:
-        fault = error.errors()[0]
-        where = ".".join(map(str, fault["loc"]))
-        raise ValueError(f"{where or entry} is not as this version writes it") from error
+        fault += f" {'.'.join(map(str, error.errors()[0]['loc'])) or entry}"
+        remedy = "Use the orthocal that wrote it, or restore the file from a copy."
+        raise InputError(f"{fault} is not as this version writes it.", remedy) from error

@@ -360,9 +360,7 @@ class Standing:
 
 # ---- a virtual machine whose joint offsets are hidden: for training and for trying
 
-# Half the width of the ranges that the hidden truth is drawn from.
-OFFSETS_MM = 1.5
-ZEROS_MM = 0.3
+OFFSETS_MM, ZEROS_MM = 1.5, 0.3  # half the ranges that the hidden truth is drawn from
 _FINEST_MM = 1e-6  # in which two active offsets are distinguished
 _TRUTH, _NOISE = 0, 1  # streams of random numbers
 

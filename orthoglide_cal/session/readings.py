@@ -48,8 +48,7 @@ from orthoglide_cal.words import MM_PER_INCH, Unit, in_unit, value_text, with_un
 
 TICK_DECIMALS = 4  # of minutes, as they stand in the session file
 _ORIGIN = "goes_on_from"
-# Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
-_ENOUGH = 9
+_ENOUGH = 9  # pairs of repeats whose scatter may replace the gauge's stated repeatability
 
 
 def count_words(readings: int, replaced: int, skipped: int) -> str:
@@ -183,8 +182,7 @@ class ReadingsSoFar:
                 begun[step.zero] = index + 1
             else:
                 proven.append(index)
-        # What the last reading is compared with, (k,).
-        last = len(self.steps) - 1
+        last = len(self.steps) - 1  # it is compared with those of the past (k,)
         self.past: Ints = np.array([index for index in proven if index != last], dtype=np.int64)
         # Of these the readings by the same gauge in the same set-up; and in the same cell.
         self.series = [i for i in self.past.tolist() if self.setup[i] == self.setup[last]]
@@ -290,18 +288,16 @@ class ReadingsSoFar:
         return self.solution.budget.extended(warmth(mean_c, length)).expanded_mm
 
     def unneeded(self) -> list[SessionStep]:
-        """Steps that can be left out once the offsets are known.
+        """Steps that can be left out after a posture, once the offsets are known.
 
         None while a leg, gauge and posture was not measured: a model that was not compared with all
         of them may be wrong. The closing isotropic posture of the leg in hand stays.
         """
         state, steps, left = self.state, self.setting.steps, self.left
         done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
-        if not self.steps or {step.cell for step in steps} - done:
+        if {step.cell for step in steps} - done:
             return []
         last = self.steps[-1]
-        if left and left[0].visit == last.visit:
-            return []  # the other gauge of this posture is still to be read
         closing = [s for s in left if s.setup == last.setup and s.posture is Posture.ISO]
         if last.posture is Posture.ISO or not closing:
             return left
@@ -367,11 +363,8 @@ class ReadingsSoFar:
 # in the readings: several are carried along, each with the likelihood that the readings give it.
 
 # Standard deviations of what nobody knows before the first reading [mm].
-OFFSET_MM = 3.0
-ZERO_MM = 50.0
-UNKNOWN_MM = 5.0
-# Sizes of the misfit that are carried along, in plausible ones.
-_SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
+OFFSET_MM, ZERO_MM, UNKNOWN_MM = 3.0, 50.0, 5.0
+_SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])  # of the misfit, in plausible ones
 
 
 def forecast(model: Model, plan: GaugePlan, fresh: Ints, sigma_mm: float) -> Mixture:

@@ -254,6 +254,10 @@ def test_lines_of_other_consoles_are_read_where_the_machine_is_known(
     off = found(given) - true_parameters()
     off[:3] += 0.5 * (firmware == "repetier")
     assert np.abs(off).max() < 2e-3
+    if firmware == "repetier":
+        path = saved(own, "G33 X99 Y99 Z7.5\n", "corner.txt")
+        [fault] = problems(read_input, path, settings)
+        assert fault.what == "No place of the map is on the bed."
     (own / "config.g").unlink()
     [fault] = problems(read_input, path)
     assert {"repetier": "a map of Repetier", "reprapfirmware": "RepRapFirmware's console"}[

@@ -24,6 +24,7 @@ def test_bom_and_line_ends():
         ("leg\n".encode("utf-16"), "UTF-16", 1),
         (b"leg\r\nx\0y\n", "NUL", 2),
         ("leg\n\nµ\n".encode("latin-1"), "not UTF-8", 3),
+        (b"\xef\xbb\xbfa\n\xe4\n", "not UTF-8.*byte 0xE4", 2),
         (b"PK\x03\x04rest", "spreadsheet", None),
         (b"\x89PNG\r\n\x1a\nIHDR", "no text file", None),
         (b"", "empty", None),

@@ -2,6 +2,7 @@
 
 import doctest
 import re
+from datetime import datetime
 from functools import partial
 
 import numpy as np
@@ -233,3 +234,16 @@ def test_the_examples_in_docstrings_are_true(module):
     result = doctest.testmod(module)
     assert result.attempted > 0
     assert result.failed == 0
+
+
+def test_numbers_and_words():
+    assert words.entered_decimals((0.21, 0.44), (0.0, 0.0)) == 3
+    assert words.entered_decimals((0.21,), (0.12345,)) == 5
+    assert [words.plain(value, 2) for value in (-0.001, 0.256)] == ["0.00", "0.26"]
+    assert [words.short(value, 3) for value in (60.0, -12.5)] == ["60", "-12.5"]
+    assert [words.signed(value, 2) for value in (-0.296, 0.001)] == ["−0.30", "0.00"]
+    assert [*map(words.two_figures, (0.02144, 1.96, 0.0))] == ["0.021", "2.0", "0"]
+    assert words.together(["axis_gap", "backlash"]) == "axis_gap with backlash"
+    assert words.together([]) == "a sound machine"
+    moment = datetime.fromisoformat("2026-03-02T08:15:10.250+01:00")
+    assert words.moment_words(moment) == "2026-03-02 08:15 +01:00"

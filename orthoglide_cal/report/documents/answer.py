@@ -36,7 +36,6 @@ from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     chance,
     counted,
-    coverage_words,
     decimals_for,
     difference_decimals,
     listed,
@@ -409,7 +408,7 @@ def _parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     if brief:
         columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if same else unit
         return doc.Grid.of(columns, (0, len(columns) - 1))
-    caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
+    caption = f"U: expanded uncertainty, k = {answer.k or 0.0:.2f}, 95 %"
     if answer.dof is not None:
         caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
     if answer.verdict is Verdict.AMBIGUOUS:
@@ -504,7 +503,7 @@ def budget_section(machine: Machine, budget: Budget) -> doc.Section:
         rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
     rows.append(("together, u", "", "", *map(two_figures, u)))
     expanded = map(two_figures, budget.expanded_mm)
-    rows.append((f"U = k·u, {coverage_words(budget.k)}", "", "", *expanded))
+    rows.append((f"U = k·u, k = {budget.k:.2f}", "", "", *expanded))
     largest = budget.largest
     name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
