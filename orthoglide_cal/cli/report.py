@@ -4,7 +4,7 @@ from pathlib import Path
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, File, Number, Offsets, Text, Texts, argument, option
-from orthoglide_cal.errors import UnusableResultError, UsageError, command
+from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
 
 
 def report(
@@ -27,7 +27,7 @@ def report(
     limit: Number = common.LIMIT,
 ) -> int:
     """Write the calibration report."""
-    from orthoglide_cal.files.input import latest_session
+    from orthoglide_cal.files.input import sessions_in
     from orthoglide_cal.model.measured import DataKind
     from orthoglide_cal.report.documents.reports import calibration_document
     from orthoglide_cal.results.answer import identify
@@ -37,7 +37,10 @@ def report(
     if after is None and applied is not None:
         raise UsageError("--applied goes with --after.", "Name the later readings.")
 
-    path = file or str(latest_session(Path()))
+    path = file or next(map(str, reversed(sessions_in(Path()))), None)
+    if path is None:
+        remedy = "Name a file of readings, or measure first: orthocal measure"
+        raise InputError("There is no session in this folder.", remedy, file=".")
     given, verification, left = common.read_input(path, machine, data, rule_out), None, None
     case = common.judged(given, method=method, details=True)
     no_differences = given.measured.kinds == (DataKind.READINGS,)

@@ -183,11 +183,10 @@ def read_input(
 
     Args:
         source: path as the user gave it ("-" is standard input), or text that has been read.
-        model: the machine that the user names, or the settings of its firmware; it gives the joint
-            limits that postures refer to. None stands for the one in a session.
+        model: the machine that the user names, or the settings of its firmware; None for that in a
+            session.
         otherwise: gives the machine for a table where the user names none.
         stored: what of a printer's file is meant; None for its calibration, or else its mesh.
-            Other files are read whole.
 
     Raises InputError: every fault of its content with its place; or not readable, too large, or
     not text.
@@ -312,9 +311,9 @@ def require_order(first: Input, second: Input, right: str) -> bool:
 def together(inputs: Sequence[Input]) -> Input:
     """One measurement of one machine, whose calibrated parameters are others on each date.
 
-    The latest date is the last, and its parameters are found. By how much those of another date
-    differ besides the settings in force is unknown, and has no part in the evidence. Raises
-    UsageError: they are not all touches of one printer, or two hold the same.
+    The latest date is the last, and its parameters are found; how far those of another differ, but
+    for the settings in force, is unknown. Raises UsageError: they are not all touches of one
+    printer, or two hold the same.
     """
     require_distinct(inputs)
     last = inputs[-1]
@@ -381,15 +380,6 @@ def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
     return [path for _, path in sorted(sessions)]
 
 
-def latest_session(folder: Path) -> Path:
-    """The session that was finished last. Raises InputError if there is none."""
-    sessions = sessions_in(folder)
-    if not sessions:
-        remedy = "Name a file of readings, or measure first: orthocal measure"
-        raise InputError("There is no session in this folder.", remedy, file=str(folder))
-    return sessions[-1]
-
-
 def printers_in(folder: Path) -> list[Path]:
     """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
     printers = (path for path, text in _texts_in(folder, "cfg") if _DELTA.search(text))
@@ -452,8 +442,8 @@ def _is_yaml(document: FileText, format: _Format | None) -> bool:
     """True if the first line that says anything is YAML; the name decides what it leaves open."""
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return format is None or format.settings is not None
-    lines = (line for line in document.text.split("\n", 1000) if line.strip())
-    first = next((line for line in lines if not line.lstrip().startswith("#")), "")
+    lines = document.text.split("\n", 1000)
+    first = next((line for line in lines if line.lstrip()[:1] not in ("", "#")), "")
     # "Recv: …" of a console looks like a key.
     return format is None and _YAML.match(first) is not None
 
@@ -489,11 +479,10 @@ def _firmware_file(
         fault = f"This is {format.title}; it does not say which printer it is from."
         nothing = InputError(fault, format.remedy, file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
-        remark = Reason.of("probe_offset_unknown")
-        settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
-    return format.read(
-        document, replace(settings, source=document.source, firmware=format.firmware)
-    )
+        remarks = (Reason.of("probe_offset_unknown"),)
+        settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=remarks)
+    settings = replace(settings, source=document.source, firmware=format.firmware)
+    return format.read(document, settings)
 
 
 def _delta(model: Model, path: str, refused: InputError | None = None) -> LinearDelta:

@@ -188,10 +188,7 @@ def machine_file_in(tree: Content) -> StoredMachine:
 
 
 def stored_machine(content: str, path: str, sha256: str = "") -> StoredMachine:
-    """The machine file of this content and path, with this digest. Raises as `read_machine_file`.
-
-    Without one it is that of the content.
-    """
+    """The machine file that a text makes, with this digest or its own; raises likewise."""
     file = document_from_bytes(content.encode(), path)
     return machine_file_in(load_tree(replace(file, sha256=sha256 or file.sha256)))
 
@@ -266,9 +263,8 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
                 tree.note(place, fault, "Give 0 to rule it out.")
     if len(tree.problems) > before:
         return None
-    fields = {name: getattr(file, name) for name in machine.model_fields}
     effects = tuple(entry.effect(machine) for entry in file.identified)
-    made = machine.model_construct(**fields)
+    made = machine.model_construct(**{name: getattr(file, name) for name in machine.model_fields})
     return Model(made, effects).correcting(made.corrected)
 
 
@@ -330,18 +326,14 @@ def differing(one: Model, other: Model) -> list[str]:
 
 
 def machine_text(model: Model) -> str:
-    """The machine file's text; `read_machine_file` gives back the same machine and causes.
-
-    Its last line shows that nothing was cut off.
-    """
+    """The machine file's text; its last line shows that nothing was cut off."""
     return WRITTEN + yaml_text({**machine_values(model), "complete": True})
 
 
 def new_machine_file(model: Model, controller: str) -> StoredMachine:
-    """A file for a machine that has none, not written yet, in this folder.
+    """A file, not written yet, in this folder for a machine that has none.
 
-    Its name is that of its controller's file or server: printer.yaml, or printer-2.yaml where that
-    is another machine's.
+    It is named after its controller's file or server: printer.yaml, or printer-2.yaml.
     """
     name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
     text = f"{WRITTEN}{_MADE}{visible(controller)}\n{machine_text(model).removeprefix(WRITTEN)}"
@@ -355,10 +347,9 @@ def made_for(file: StoredMachine) -> str | None:
 
 
 def with_entry(file: StoredMachine, entry: Entered) -> StoredMachine:
-    """The file with what was entered, not written; the digest is still that of the file.
+    """The file with what was entered, not written; its digest and every other byte stay.
 
-    The entry keeps the lines that it replaces, and every other byte stays. Raises InputError: it
-    could not be read again.
+    The entry keeps the lines that it replaces. Raises InputError: it could not be read again.
     """
     document, model, past = file.document, file.model, file.model.machine.history
     text, line_end = _unified(document)
@@ -397,9 +388,9 @@ def with_entry(file: StoredMachine, entry: Entered) -> StoredMachine:
 
 
 def without_entry(file: StoredMachine) -> StoredMachine:
-    """The file without its last entry, not written; what that replaced stands there again.
+    """The file without its last entry, not written, with what that replaced; its digest stays.
 
-    The digest is still that of the file. Raises UsageError: these lines were changed since.
+    Raises UsageError: these lines were changed since.
     """
     document, last = file.document, file.model.machine.history[-1]
     text, line_end = _unified(document)
@@ -425,8 +416,8 @@ def without_entry(file: StoredMachine) -> StoredMachine:
 def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
     """A machine file with these values, not written yet; the others are the shipped one's.
 
-    Dotted key → plain value; without a kind it is an Orthoglide. Raises InputError: they do not
-    make a machine; each with its key, and no line: the file is not there yet.
+    Dotted key → plain value; without a kind it is an Orthoglide. Raises InputError: they make no
+    machine; each with its key and no line.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     text = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
@@ -441,11 +432,11 @@ def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
 
 
 # --- the text of a file that people keep: comments, order and blanks stay as they are -------------
-# Whoever edits one reads the result back, because YAML has forms that nobody writes.
+# Whoever edits one reads the result back: YAML has forms that nobody writes.
 
 
 def _unified(document: FileText) -> tuple[str, str]:
-    """The text of a file with "\n" as line ends, and its own; those of a file that mixes them."""
+    """The text of a file with "\n" as line ends, and its own; a file that mixes them keeps them."""
     text = document.data.decode()
     line_end = "\r\n" if text.count("\r\n") == text.count("\n") > 0 else "\n"
     return text.replace(line_end, "\n"), line_end

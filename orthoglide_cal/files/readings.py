@@ -8,7 +8,7 @@ cell is checked by itself there; what only shows across rows, where the rows bec
 import csv
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -41,7 +41,7 @@ from orthoglide_cal.model.machine import Bed, Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading, planned_readings
-from orthoglide_cal.model.plan import Floats, Ints, Plan, known_plan
+from orthoglide_cal.model.plan import Floats, Ints, known_plan
 from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import (
     Count,
@@ -61,7 +61,6 @@ LATEST_MINUTES = 1e6  # two years
 TURNED = "turned"
 YES = "yes"
 _POSTURES = {posture.value for posture in Posture}
-_MISSING = "The value is missing."
 _AXIS = "Write x, y or z."
 _READING = "Give the reading, or remove the row."
 _PLACE = "Give it, or remove the row."
@@ -114,6 +113,11 @@ def _entered(value: str | Sequence[object], info: ValidationInfo) -> tuple[float
     return offsets
 
 
+def _mark(word: str, fault: str, where: str) -> AfterValidator:
+    remedy = f"Write {word} where {where}; otherwise leave the cell empty."
+    return text_that(word.__eq__, fault, remedy)
+
+
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
@@ -122,16 +126,8 @@ Axis = Annotated[str, _LOWER, text_that(AXES.__contains__, "This is not an axis.
 _END = text_that(
     ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
 )
-_TURNED = text_that(
-    TURNED.__eq__,
-    "This does not say how the bar was.",
-    f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
-)
-_SIMULATED = text_that(
-    YES.__eq__,
-    "This does not say whether it was simulated.",
-    f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
-)
+_TURNED = _mark(TURNED, "This does not say how the bar was.", "it was turned half round")
+_SIMULATED = _mark(YES, "This does not say whether it was simulated.", "a simulator made the row")
 Mark = Annotated[str, _LOWER, _SIMULATED]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
@@ -258,12 +254,7 @@ class DifferenceRow(Row):
 # --- tables and lists of rows ------------------------------------------------------------------
 
 # Columns that never hold free text.
-CODED = {
-    column
-    for schema in (ReadingRow, ProbeRow, DifferenceRow)
-    for column in schema.columns()
-    if column not in ("gauge", "note")
-}
+CODED = {*ReadingRow.columns(), *ProbeRow.columns(), *DifferenceRow.columns()} - {"gauge", "note"}
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
 _COMMENTS = ("#", "sep=")  # Excel's line says nothing that the header does not
@@ -330,10 +321,9 @@ class Table(Content):
         if len(cells) > _COLUMNS:
             fault = f"The header has more than {_COLUMNS} columns."
             self.add(fault, "Check the delimiter.", line=line)
-        for index, name in enumerate(self.columns):
-            if name and name in self.columns[:index]:
-                fault = "The header names this column twice."
-                self.add(fault, "Rename or remove one.", line=line, column=name)
+        again = (name for k, name in enumerate(self.columns) if name in self.columns[:k])
+        for name in filter(None, again):
+            self.add("The header names this column twice.", "Rename or remove one.", line, name)
 
     def parse(self, text: str) -> float:
         """The number that a cell writes; another delimiter leaves the comma free for decimals."""
@@ -347,12 +337,12 @@ class Table(Content):
 
     def check_header(self, schema: type[Row]) -> None:
         """Raise all faults so far if the header lacks a column that rows of a schema need."""
-        before, present = len(self.problems), [name for name in self.columns if name]
-        inches, last = schema.inches, [*schema.needed][-1]
+        present = [name for name in self.columns if name]
         others = [name for name in present if name not in schema.columns()]
-        for name in schema.needed:
-            if name in present or (name == last and inches in present):
-                continue
+        missing = [name for name in schema.needed if name not in present]
+        if schema.inches in present:
+            missing = [name for name in missing if name != [*schema.needed][-1]]
+        for name in missing:
             close = get_close_matches(name, others, n=1)
             remedy = f"Add it; the header has: {listed(present)}."
             if close:
@@ -360,7 +350,7 @@ class Table(Content):
                 factor = f"multiply the numbers by {short(unit, 6)} and " if unit else ""
                 remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
             self.add("The column is missing.", remedy, line=self.header_line, column=name)
-        if len(self.problems) > before:
+        if missing:
             raise self.error()
         self._check_split_numbers()
 
@@ -409,13 +399,16 @@ class Rows(Generic[R]):
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
         known = schema.columns(content.of_table)
-        words = {f"missing {name}": (_MISSING, remedy) for name, remedy in schema.needed.items()}
+        missing = "The value is missing."
+        words = {f"missing {name}": (missing, remedy) for name, remedy in schema.needed.items()}
         if isinstance(content, Table):
             content.check_header(schema)
-        entries = content.at(path)
-        if entries is not None and not isinstance(entries, list):
+        entries = content.at(path) or []
+        if not isinstance(entries, list):
             content.note(path, *WORDS["list_type"])
-        for index, entry in enumerate(entries if isinstance(entries, list) else ()):
+            entries = []
+        self.lines = [content.lines[*path, index] for index in range(len(entries))]
+        for index, entry in enumerate(entries):
             texts = entry.items() if isinstance(entry, dict) else ()
             plain = {name: text.strip() if isinstance(text, str) else text for name, text in texts}
             cells = {name: text for name, text in plain.items() if text not in (None, "")}
@@ -435,9 +428,6 @@ class Rows(Generic[R]):
         columns = dict.fromkeys(name for cells in self.cells for name in cells)
         names = content.columns if isinstance(content, Table) else columns
         self.remarks = unused("Columns", (name for name in names if name not in known), known)
-
-    def line(self, index: int) -> int:
-        return self.content.lines[*self.path, index]
 
     @property
     def source(self) -> Source:
@@ -465,16 +455,15 @@ class Rows(Generic[R]):
     def check_complete(self, columns: Sequence[str]) -> None:
         """Each of these columns is filled in every row or in none."""
         for column in columns:
-            filled = [column in cells for cells in self.cells]
-            for index, cells in enumerate(self.cells if any(filled) else ()):
-                if cells and not filled[index]:
-                    fault = "The cell is empty here but filled in other rows."
-                    self.note(index, column, fault, "Fill it in every row or in none.")
+            empty = [k for k, cells in enumerate(self.cells) if cells and column not in cells]
+            for index in empty if any(column in cells for cells in self.cells) else ():
+                fault = "The cell is empty here but filled in other rows."
+                self.note(index, column, fault, "Fill it in every row or in none.")
 
 
 def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
     """Indices from first to last; minutes; and whether they are times: no one time for all."""
-    in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
+    in_time = np.argsort([row.seq or 0 for row in rows], kind="stable")
     minutes = np.array([row.minutes or 0.0 for row in rows])
     timed = rows[0].minutes is not None and (len(rows) == 1 or len(np.unique(minutes)) > 1)
     return in_time, minutes, timed
@@ -482,13 +471,13 @@ def _times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
 
 def _check_order(rows: Rows[Timed]) -> None:
     """Each `seq` stands once, and time never runs backwards along it."""
-    in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
+    in_time = sorted(rows.sound, key=lambda item: item[1].seq or 0)
     for (before, one), (after, other) in pairwise(in_time):
-        line = rows.line(before)
+        line = rows.lines[before]
         if other.seq is not None and other.seq == one.seq:
             remedy = "Number the readings in the order in which they were taken."
             rows.note(after, "seq", f"The same number is in line {line}.", remedy)
-        elif one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
+        elif (other.minutes or 0.0) < (one.minutes or 0.0):
             fault = f"Time runs backwards: line {line} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
             column = "minutes" if "minutes" in rows.cells[after] else "timestamp"
@@ -521,11 +510,16 @@ def readings_in(
     _time(rows, started)
     _check_order(rows)
     _check_parts(rows)
-    checked = rows.checked()
-    lines = [rows.line(index) for index in range(len(checked))]
-    readings = readings_of(checked, machine, rows.source, lines)
-    remarks = (*remarks, *rows.remarks, *_remarks(readings, machine))
-    return replace(readings, remarks=remarks)
+    readings = readings_of(rows.checked(), machine, rows.source, rows.lines)
+    remarks, travel = [*remarks, *rows.remarks], machine.instrument.most_mm
+    beyond = np.flatnonzero(np.abs(readings.value) > travel).tolist()
+    if beyond:
+        counts = {"count": len(beyond), "readings": len(readings)}
+        first = {"line": rows.lines[beyond[0]], "value_mm": float(readings.value[beyond[0]])}
+        remarks.append(Reason.of("beyond_range", **counts, range_mm=travel, **first))
+    if not readings.timed:
+        remarks.append(Reason.of("untimed", minutes=_MINUTES_PER_READING))
+    return replace(readings, remarks=tuple(remarks))
 
 
 def readings_of(
@@ -657,17 +651,6 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _remarks(readings: Readings, machine: Machine) -> Iterator[Reason]:
-    travel = machine.instrument.most_mm
-    beyond = np.flatnonzero(np.abs(readings.value) > travel)
-    if beyond.size:
-        line, value = int(readings.line[beyond[0]]), float(readings.value[beyond[0]])
-        counts = {"count": beyond.size, "readings": len(readings)}
-        yield Reason.of("beyond_range", **counts, range_mm=travel, line=line, value_mm=value)
-    if not readings.timed:
-        yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
-
-
 # --- touches of a bed by a probe ----------------------------------------------------------------
 
 # A place farther out than so many radii of the bed is not on it.
@@ -695,20 +678,13 @@ def _touches(table: Table, bed: Bed) -> Readings:
     return Readings(
         touching(place, surface, np.argsort(in_time), minutes if timed else None),
         place[:, 2] - surface,
-        np.array([checking.line(index) for index in range(len(rows))]),
+        np.array(checking.lines),
         timed,
         checking.source,
         cycle=np.array([row.cycle or 1 for row in rows]),
         note=tuple(row.note or "" for row in rows),
         remarks=tuple(remarks),
     )
-
-
-def places_csv(plan: Plan) -> str:
-    """The touches of a plan as a file to be filled in: their places, and no reading yet."""
-    places = plan.spots[plan.touches].tolist()
-    rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
-    return csv_text(("x_mm", "y_mm", "z_mm", "reading_mm"), rows)
 
 
 def probe_points_csv(readings: Readings) -> str:
@@ -730,28 +706,13 @@ def probe_points_csv(readings: Readings) -> str:
 def _differences(table: Table, machine: Machine) -> Differences:
     longest = {"value_mm": machine.leg_mm}
     rows = Rows(table, DifferenceRow, longest=longest, travel=machine.limits_mm)
-    remarks = [*rows.remarks]
-    kind = _kind(rows)
-    values = {row.difference: row.value_mm for row in rows.checked()}
-    known = _BY_NAME[kind]
-    if missing := [name for name in known if name not in values]:
-        remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
-    which = tuple(known[name] for name in values)
-    value = np.array(list(values.values()))
-    return Differences(kind, which, value, rows.source, remarks=tuple(remarks))
-
-
-def _kind(rows: Rows[DifferenceRow]) -> DataKind:
-    """The kind that most of the names belong to; the others are faults, and so are repeats."""
-    # The single set shares four names with the twelve; its own two decide.
     names = {index: row.difference for index, row in rows.sound}
-    order = [DataKind.TWELVE, DataKind.SIX]
-    if {"dz_x0", "dz_y0"} & set(names.values()):
-        order.insert(0, DataKind.SINGLE)
+    # Most names decide: the single set shares four with the twelve, which come first.
+    order = (DataKind.TWELVE, DataKind.SIX, DataKind.SINGLE)
     kind = max(order, key=lambda kind: sum(name in _BY_NAME[kind] for name in names.values()))
-    first: dict[str, int] = {}
+    known, first = _BY_NAME[kind], dict[str, int]()
     for index, name in names.items():
-        if name not in _BY_NAME[kind]:
+        if name not in known:
             others = f"{kind} ({KIND_WORDS[kind]})"
             fault = f"The name is of another kind than the others, which are {others}."
             rows.note(index, "difference", fault, f"Give one kind in one file. {DIFFERENCE_NAMES}")
@@ -759,8 +720,12 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
             fault = f"The difference is already in line {first[name]}."
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", fault, remedy)
-        first.setdefault(name, rows.line(index))
-    return kind
+        first.setdefault(name, rows.lines[index])
+    values, remarks = {row.difference: row.value_mm for row in rows.checked()}, [*rows.remarks]
+    if missing := [name for name in known if name not in values]:
+        remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
+    which, value = tuple(known[name] for name in values), np.array(list(values.values()))
+    return Differences(kind, which, value, rows.source, remarks=tuple(remarks))
 
 
 def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
@@ -787,7 +752,6 @@ def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
-_LISTS = ("readings", "retaken", "skipped")
 
 
 def implausible_temperatures(known_c: Iterable[float | None]) -> list[Reason]:
@@ -802,11 +766,7 @@ class GaugeIdentity(OwnGauge):
     model_config = ConfigDict(extra="ignore", populate_by_name=True)
 
     certificate: str | None = None
-    resolution_mm: Positive | None = Field(
-        default=None,
-        validation_alias=AliasChoices("resolution_mm", "resolution"),
-        serialization_alias="resolution",
-    )
+    resolution_mm: Positive | None = Field(None, alias="resolution")
 
 
 class Circumstances(Schema):
@@ -822,7 +782,7 @@ class Circumstances(Schema):
 
 
 class Conditions(Circumstances):
-    """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
+    """Circumstances as recorded; labels in the readings are gauges, too."""
 
     environment: Mapping[str, str] = {}
     temperature_c: tuple[float, ...] = ()  # of the thermometer, in the order of time
@@ -863,7 +823,7 @@ class Conditions(Circumstances):
 def conditions_in(
     readings: Readings | Differences, frame: Circumstances = Circumstances(), **counts: int
 ) -> Conditions:
-    """Conditions that the readings state, in a frame; with `counts` of what does not count."""
+    """Conditions that the readings state, in a frame, with `counts` of what does not count."""
     if not isinstance(readings, Readings):
         return Conditions()
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
@@ -882,24 +842,27 @@ def conditions_in(
     )
 
 
+_Written = Annotated[
+    tuple[ReadingRow, ...], PlainSerializer(lambda rows: [row.cells() for row in rows])
+]
+
+
 class Session(Circumstances):
     """A session as its file holds it."""
 
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
-    protocol: str | None = ""
-    readings: tuple[ReadingRow, ...] = ()  # that count
-    retaken: tuple[ReadingRow, ...] = ()  # that were replaced
-    skipped: tuple[ReadingRow, ...] = ()  # steps that were left out
+    readings: _Written = ()  # that count
+    retaken: _Written = ()  # that were replaced
+    skipped: _Written = ()  # steps that were left out
 
 
 def session_from_tree(
     tree: Content, model: Model | None
 ) -> tuple[Readings, Model, Conditions, Model | None]:
-    """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
+    """The readings of a parsed session, the machine to judge them by, the conditions, its own.
 
-    Without a model they are judged by the machine in the session itself. Which offsets were active
-    in the controller is always the session's to say. Raises InputError: everything that is
-    wrong with it, each with line and path; or it is no session.
+    Without a model its own judges; which offsets were active in the controller the session says.
+    Raises InputError: everything that is wrong with it, or it is no session.
     """
     if not isinstance(tree.value, dict) or "readings" not in tree.value:
         if machine_file.is_machine_file(tree):
@@ -928,10 +891,9 @@ def session_from_tree(
     judge = model or recorded
     if judge is None:
         raise tree.error()
-    if model and recorded:
-        held, asked = recorded.machine, model.machine
-        if (held.active, held.corrected) != (asked.active, asked.corrected):
-            judge = model.holding(held.active, held.corrected)
+    held, asked = (recorded or judge).machine, judge.machine
+    if (held.active, held.corrected) != (asked.active, asked.corrected):
+        judge = judge.holding(held.active, held.corrected)
     keys = Session.model_fields
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
     if recorded and (names := machine_file.differing(recorded, judge)):
@@ -948,13 +910,12 @@ def session_from_tree(
 
 def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
-    rows = {key: [row.cells() for row in getattr(session, key)] for key in _LISTS}
-    content = session.model_dump(by_alias=True, exclude=set(_LISTS))
+    content = session.model_dump(by_alias=True)
     for gauge in content["gauges"]:
         for name in ("due", "expanded_mm"):
             if not gauge[name]:
                 del gauge[name]
-    return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
+    return {**dict.fromkeys(("schema_version", "machine")), **content}
 
 
 def session_text(session: Session) -> str:

@@ -22,7 +22,6 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import PostureError, UsageError, command
-from orthoglide_cal.files.readings import places_csv
 from orthoglide_cal.files.text import FileText, csv_text, in_csv, read_document
 from orthoglide_cal.files.tree import Content, nearest
 from orthoglide_cal.model.machine import Machine
@@ -127,10 +126,8 @@ def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
     return machine.joints_at(leg, np.linspace(start, end, stretches + 1)[1:])
 
 
-# --- the template of a program: what its owner wrote for their controller -------------------------
-# Lines that are a comment beginning with "orthocal" are settings, notes, or the marker that says
-# where the blocks go; all others are copied as they stand.
-
+# Comments in a template that begin with "orthocal" are settings, notes, or the marker that says
+# where the blocks go; all other lines are copied as they stand.
 _OURS = re.compile(r"\s*\(\s*orthocal\b([^()]*)\)\s*", re.IGNORECASE)
 _WAITS = text_that(
     re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+").fullmatch,
@@ -205,9 +202,6 @@ def _template(document: FileText, program: PostureProgram) -> Template:
     return template
 
 
-# --- as text ----------------------------------------------------------------------------------
-
-
 def chosen_program(
     chosen: SessionForecast, target: Path, template: Path | None, machine: Path | None
 ) -> tuple[str, int]:
@@ -224,7 +218,10 @@ def chosen_program(
     if session is None:
         if template:
             raise UsageError("A printer's places are written as a table.", "Leave out --template.")
-        return places_csv(chosen.plan), len(chosen.plan)
+        plan = chosen.plan
+        places = plan.spots[plan.touches].tolist()
+        rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
+        return csv_text(("x_mm", "y_mm", "z_mm", "reading_mm"), rows), len(plan)
     typed = command("measure", machine=machine, options=session.options)
     program = posture_program(model, session.steps(model.machine), typed)
     return program_text(program, target, template), len(program.blocks)
