@@ -79,8 +79,7 @@ Words = dict[str, list[float]]
 def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     """The machine and the probe that these files state; the last of them wins.
 
-    The radius of the bed is NaN where it is not stated. Raises InputError with everything
-    that is wrong in one of them.
+    An unknown radius of the bed is NaN. Raises InputError: everything that is wrong in one of them.
     """
     words: Words = {}
     for file in (document, *overriding):
@@ -264,8 +263,7 @@ _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
-    The radius of the bed is NaN where the settings before it do not have it. Raises
-    InputError: everything that is wrong; no heights, or not their places.
+    Raises InputError: everything that is wrong; no heights, or not their places.
     """
     faults, offset = Content(document), np.nan_to_num(settings.probe)
     remarks, reach = [*settings.remarks], settings.machine.bed_radius_mm - _MARGIN_MM
@@ -345,8 +343,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
     are made up; or the last heights of RepRapFirmware, at the places of G30 P….
 
-    Raises InputError: no number, no place on the bed, or neither the text nor a bed.g in its folder
-    has the places.
+    Raises InputError: no number, no place on the bed, or no places in the text and bed.g.
     """
     text, faults = document.text, Content(document)
     offset, remarks, reach = np.nan_to_num(settings.probe), settings.remarks, math.inf
