@@ -31,8 +31,9 @@ class PatternCause(Cause):
     def minority(self, place: Place, plan: AnyPlan) -> tuple[int, ...]:
         """The readings that it changes, or the others of their set-up, whichever are fewer: with
         an unknown zero a step that leaves one behind is as one that moves one."""
-        readings = np.flatnonzero(self._pattern(place, plan).any(axis=1))
-        rest = np.setdiff1d(np.flatnonzero(plan.shared == plan.shared[readings[0]]), readings)
+        at, same = place[0], np.flatnonzero(plan.shared == plan.shared[place[0]])
+        moved = plan.order[same] >= plan.order[at] if self.onward(place) else same == at
+        rest, readings = same[~moved], same[moved]
         return tuple((rest if 0 < rest.size <= readings.size else readings).tolist())
 
     def _pattern(self, place: Place, plan: AnyPlan) -> Floats:

@@ -22,24 +22,19 @@ from orthoglide_cal.cli.common import INTERRUPTED, PlainCommand, flag, leave_clo
 from orthoglide_cal.cli.start import start
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
-# For terminals that have no other signs.
-_ASCII = {
+_ASCII = {  # for terminals that have no other signs
     "−": "-", "–": "-", "±": "+/-", "→": "->", "←": "<-", "µ": "u", "σ": "s", "·": ".", "✔": "+",
 }  # fmt: skip
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
-# Each stands in the file of its name.
-_COMMANDS = (
+_COMMANDS = (  # each in the file of its name
     "measure", "solve", "diagnose", "plan", "apply", "adjust", "verify", "history", "report",
     "export", "simulate", "validate", "paper", "template", "guide", "machine",
 )  # fmt: skip
 
 
 class _Commands(TyperGroup):
-    """Loads only the command that is asked for: to make all takes longer than most of them run.
-
-    Errors of the package end a command with their own exit code.
-    """
+    """Loads only the command that is asked for; errors end it with their own exit code."""
 
     def __init__(self, **settings: Any) -> None:
         # Their names are listed, and suggested for what is no command.
@@ -117,8 +112,7 @@ def run() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # What a command loads is no garbage: looking for some takes a tenth of its time.
     gc.set_threshold(100_000)
-    # Nor is memory that is free for a moment to be given back: malloc of Linux keeps as much as
-    # twice the largest block that was ever freed.
+    # Keep free memory: malloc of Linux keeps twice the largest block that was ever freed.
     bytes(1 << 24)
     atexit.register(gc.freeze)
     codecs.register_error(_in_ascii.__name__, _in_ascii)

@@ -7,8 +7,7 @@ from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import Texts, argument
 from orthoglide_cal.errors import UsageError
 
-# Longer lines are hard to read.
-_WIDEST = 100
+_WIDEST = 100  # longer lines are hard to read
 
 
 def _pages() -> dict[str, Path]:

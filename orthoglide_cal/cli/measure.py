@@ -92,9 +92,8 @@ def measure(
         common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
         return 0
     if len(certificate or ()) > len(gauge_id or ()):
-        raise UsageError(
-            "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
-        )
+        fault = "There are more --certificate than --gauge-id."
+        raise UsageError(fault, "Give the gauge's id with it.")
     labels = zip_longest(gauge_id or (), certificate or (), fillvalue="")
     request = Request(
         path=session,
@@ -135,7 +134,7 @@ def guided(
 ) -> Iterator[Guided]:
     """Lead through what is begun at a keyboard, and give it once it has ended.
 
-    Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
+    Whatever interrupts it, the exit code is 130.
     """
     from orthoglide_cal.session.asking import Asker, Keyboard
     from orthoglide_cal.session.dialogue import Quit
@@ -177,10 +176,7 @@ def guided(
 
 
 def _display(as_json: bool) -> "Show":
-    """Shows a session on standard output; on standard error what arrived unasked.
-
-    If the result is to be JSON, all on standard error.
-    """
+    """Shows a session on standard output, or error if that is for JSON; what is ASIDE on error."""
     from orthoglide_cal.session.asking import Style
 
     aside = common.console(stderr=True)

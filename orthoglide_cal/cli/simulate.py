@@ -82,7 +82,6 @@ def simulate(
     gauge = nominal.instrument.changed(**{k: v for k, v in given.items() if v is not None})
     rng = np.random.default_rng(chosen)
     yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
-
     wanted = SimulationOptions(cycles, protocol, gauge_at, places, height, radius_angles)
     plan = nominal.simulated_plan(wanted)
     on_bed = plan.touches.any()
@@ -110,8 +109,8 @@ def simulate(
 def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect that `--cause ID=VALUES` describes (`orthocal guide simulate`).
 
-    Drawn at random are its place and what nobody can type (where a carriage with lost motion stands
-    before its first motion). Raises UsageError: it cannot act here, or not as described.
+    Its place is random, and what nobody can type (where a carriage with lost motion stands first).
+    Raises UsageError: it cannot act here, or not as described.
     """
     import numpy as np
 

@@ -84,8 +84,7 @@ def _next(
 ) -> "tuple[list[doc.Block], list[doc.Line]]":
     """State, and steps that come next: machine, measure, enter, measure again, verify, report.
 
-    `kind`: the machine, or the kind that the files suggest. `to`: the controller's file of a change
-    that is recorded and was not written.
+    `kind`: the machine, or what the files suggest. `to`: where a recorded change was not written.
     """
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.text import read_document
@@ -131,14 +130,13 @@ def _next(
 
 
 def _simulated(path: Path) -> bool:
-    """True if a session can be read and is of a simulated machine."""
     with suppress(OrthocalError):
         return common.read_input(str(path)).measured.source.simulated
     return False
 
 
 def _reported(*sessions: str) -> bool:
-    """True if a page in this folder is about these sessions: it holds their digests."""
+    """True if a page in this folder holds the digests of these sessions."""
     from orthoglide_cal.files.text import read_document
     from orthoglide_cal.report.document import MARK
 

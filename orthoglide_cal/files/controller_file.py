@@ -14,10 +14,8 @@ Klipper's printer.cfg has the parameters of a delta in the block that SAVE_CONFI
 position_endstop is the height of the nozzle, in the middle, at which it triggers.
 
 Only these values change: every other byte stays, and so do line ends, encoding, file mode and
-links. The file is a path, or the address of a Moonraker server.
-
-`halcmd` (its manual page) sets the home offsets of a LinuxCNC that runs on this computer; nothing
-here can move a machine.
+links. `halcmd` (its manual page) sets the home offsets of a LinuxCNC that runs on this computer;
+nothing here can move a machine.
 """
 
 import hashlib

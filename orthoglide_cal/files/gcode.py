@@ -10,15 +10,12 @@ the radius of the bed, B, and one arm or three in L; Marlin has A, B, C, what ea
 
 A height map has a title with the date, the names of the grid's numbers, the numbers, then a line
 for each y from the lowest. A place that was not probed is a bare "0" (one that was probed has
-decimals). Marlin prints, with anything in front of it:
+decimals). Consoles print, with anything in front of it:
 
-    G33 V0 or V3   seven heights on a circle, and the settings at that moment
-    G29 V4         "Bed X: … Y: … Z: …" for each touch; so does G30
-
-Two more have their numbers in lines of their own:
-
-    RepRapFirmware's console   "G32 bed probe heights: …", at the places of G30 P… in bed.g
-    Repetier's G33 L0          "G33 X… Y… Z…", whose common height nobody states
+    Marlin, G33 V0 or V3   seven heights on a circle, and the settings at that moment
+    Marlin, G29 V4         "Bed X: … Y: … Z: …" for each touch; so does G30
+    RepRapFirmware         "G32 bed probe heights: …", at the places of G30 P… in bed.g
+    Repetier, G33 L0       "G33 X… Y… Z…", whose common height nobody states
 
 All heights are counted from the trigger height, places are the probe's. G33 changes the settings:
 what was probed before is counted from those after it, with the carriages where they were.
@@ -183,13 +180,10 @@ def check_delta(measured: FileText) -> None:
     if _LOADS.search(config.text):
         fault = _UNKNOWN.format("config.g")
         raise InputError(fault, "Copy it from the printer.", file=measured.path)
-    kind = _KINEMATICS.search(config.text)
-    raise InputError(
-        "This printer is not a delta: config.g in the same folder has no M665 with L"
-        f"{f' ({kind[0].strip()})' if kind else ''}.",
-        "Give the height map of a delta; or name its settings: --machine FILE",
-        file=measured.path,
-    )
+    stated = "".join(f" ({kind.strip()})" for kind in _KINEMATICS.findall(config.text)[:1])
+    fault = f"This printer is not a delta: config.g in the same folder has no M665 with L{stated}."
+    remedy = "Give the height map of a delta; or name its settings: --machine FILE"
+    raise InputError(fault, remedy, file=measured.path)
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:

@@ -1,12 +1,12 @@
 """Klipper's printer.cfg and klippy.log, and the lines that its console prints while probing.
 
 Of a linear delta only: sections [printer], [stepper_a … c], [probe], [delta_calibrate] and
-[bed_mesh]; others may hold anything, and nothing in them is interpreted. Included files are not
-opened. A value goes on in lines that are indented more than its option. "#" begins a remark
-anywhere, ";" after a blank. The file's own lines win over those that SAVE_CONFIG wrote ("#*# …").
+[bed_mesh]; others may hold anything. Included files are not opened. A value goes on in lines that
+are indented more than its option. "#" begins a remark anywhere, ";" after a blank. The file's own
+lines win over those that SAVE_CONFIG wrote ("#*# …").
 
-The log holds the configuration in force, also what is included and stored, and what each
-DELTA_CALIBRATE reckoned with. The console has a line for each touch, with anything in front of it:
+The log holds the configuration in force, and what each DELTA_CALIBRATE reckoned with. The console
+has a line for each touch, with anything in front of it:
 
     probe at x,y is z=…                     the nozzle's place when the probe triggered
     probe: at x,y bed will contact at z=…   since 2025: the probe's, less its z offset
@@ -73,11 +73,10 @@ _PROFILE = "bed_mesh "
 _MATTERS = re.compile(
     rf"printer|{'|'.join(_TOWERS)}|{_CALIBRATION}|bed_mesh|{_PROFILE}.*|{_PROBE.pattern}"
 )
-# Of [bed_mesh]: the place at which the height of the mesh is set to zero.
+# Of [bed_mesh]: where the height of the mesh is set to zero.
 _ZEROS = ("zero_reference_position", "relative_reference_index")
 _AGAIN = "Probe the bed and save the mesh again."
-# DELTA_CALIBRATE leaves stored heights right on the mean.
-_TRIMMED_MM = 0.02
+_TRIMMED_MM = 0.02  # DELTA_CALIBRATE leaves stored heights right on the mean
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
 _CONFIG = re.compile(r"=+ Config file =+\s*")
 _CALCULATING = "Calculating delta_calibrate with:"
@@ -85,8 +84,7 @@ KLIPPY_LOG = re.compile(rf"^({_CONFIG.pattern}|{_CALCULATING}\s*)$", re.MULTILIN
 _ENDS = re.compile("={10,}")
 _LOGGED = re.compile(r"(manual_)?height[0-9]+\s*[:=]")
 _STEPS = r", \(([^,()]+, [^,()]+, [^,()]+)\)"
-# A nozzle that touches the bed itself stands this low when it does.
-_LEVEL_MM = 0.5
+_LEVEL_MM = 0.5  # a nozzle that touches the bed itself stands this low when it does
 PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(\S+)")
 
 
@@ -208,7 +206,19 @@ def read_printer_file(
     settings.check()  # what follows from a broken line is no fault of its own
     if calibration is not None:
         settings.options[_CALIBRATION] = calibration
-    _check_kind(settings)
+    kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
+    if kind and kind.lower() != "delta":
+        fault = "The machine is not a linear delta."
+        settings.note(("printer", "kinematics"), fault, "Give a delta's file.")
+        raise settings.error()
+    if not kind and not {"printer", *_TOWERS} & set(settings.sections):
+        fault = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
+        remedy = "Give the printer.cfg of a delta."
+        if settings.included:
+            remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
+        raise InputError(fault, remedy, file=settings.file)
+    if not kind:
+        settings.missing("printer", "kinematics")
     radius = settings.number("printer", "delta_radius", low=1.0)
     arms = _of_towers(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
     endstops = _of_towers(settings, "position_endstop", -LARGEST_MM)
@@ -248,15 +258,14 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     Raises InputError with everything that is wrong in the lines that matter here.
     """
     lines = document.text.split("\n")
-    starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
+    starts = [number for number, line in enumerate(lines, start=1) if _CONFIG.fullmatch(line)]
     if not starts:
         fault = "The log does not hold the configuration: its beginning is missing."
-        raise InputError(
-            fault, "Give the whole klippy.log, or the printer.cfg.", file=document.path
-        )
-    start = starts[-1] + 1
+        remedy = "Give the whole klippy.log, or the printer.cfg."
+        raise InputError(fault, remedy, file=document.path)
+    start = starts[-1]
     inside = itertools.takewhile(lambda line: not _ENDS.fullmatch(line.strip()), lines[start:])
-    kept = [""] * start + list(inside)
+    kept = [""] * start + [*inside]
     calibrations = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
     unsaved = bool(calibrations) and calibrations[-1] > start
     calculated = None
@@ -298,7 +307,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
                 rows.append((number, *place, match[1] == ":"))
     faults.check()
     touches = np.array(rows)
-    at, less = touches[:, 1:4], touches[:, 4] > 0.0  # the probe's offset
+    at, less = touches[:, 1:4], touches[:, 4] > 0.0  # whose z is less the offset
     offset, remarks = np.nan_to_num(settings.probe), settings.remarks
     usual = 0.0 if less.all() else float(np.median(at[~less, 2]))
     if offset[2] == 0.0 and abs(usual) > _LEVEL_MM:
@@ -310,25 +319,8 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     return replace(settings, probe=offset, data={"mesh": mesh}, remarks=remarks)
 
 
-def _check_kind(settings: Settings) -> None:
-    """Raises for a machine of another kind, or a file of something else."""
-    kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
-    if kind and kind.lower() != "delta":
-        fault = "The machine is not a linear delta."
-        settings.note(("printer", "kinematics"), fault, "Give a delta's file.")
-        raise settings.error()
-    if not kind and not {"printer", *_TOWERS} & set(settings.sections):
-        fault = "This is a part of a Klipper configuration: it has no [printer] and no [stepper_a]."
-        remedy = "Give the printer.cfg of a delta."
-        if settings.included:
-            remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
-        raise InputError(fault, remedy, file=settings.file)
-    if not kind:
-        settings.missing("printer", "kinematics")
-
-
 def _of_towers(settings: Settings, option: str, low: float) -> Floats:
-    """A number of each tower; that of the first stands for the others where they have none."""
+    """A number of each tower, of the first where others have none."""
     first = settings.number(_TOWERS[0], option, low=low)
     others = (settings.number(tower, option, first, low) for tower in _TOWERS[1:])
     return np.array((first, *others))
@@ -429,7 +421,7 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
 
 
 def _grid(settings: Settings, section: str, axis: str) -> Floats:
-    """The places of a mesh along one axis [mm]; empty if they cannot be read."""
+    """Places of a mesh along an axis [mm]; empty if they cannot be read."""
     low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
     count = settings.read(section, f"{axis}_count", _count)
     if low >= high:
@@ -438,12 +430,11 @@ def _grid(settings: Settings, section: str, axis: str) -> Floats:
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
-    """Which points of a mesh were probed, shape as the others.
+    """True for the points of a mesh that were probed, shape as the others.
 
-    On a round bed only those in the circle are; the rest of each row repeats its outermost one.
-    The circle is the mesh radius about the middle; a mesh was not always taken with the radius that
-    the file states now: where the two do not fit together, its own width decides, and whether the
-    values repeat.
+    On a round bed they are those within the mesh radius; the rest of each row repeats its outermost
+    one. Where the radius that is stated now does not fit the mesh, its own width decides, and
+    whether the values repeat.
     """
     away = np.hypot(x - x.mean(), y - y.mean())
     width = np.ptp(x) / 2.0
@@ -451,7 +442,6 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
     inside = away <= (stated if fits else width) + _ROUNDED
 
     def repeats(row: Floats, kept: Bools) -> bool:
-        """True if the rest of a row repeats the outermost of those kept."""
         at, places = np.arange(len(row)), np.flatnonzero(kept)
         return places.size > 0 and np.array_equal(row, row[at.clip(places[0], places[-1])])
 
@@ -467,14 +457,11 @@ def _three(text: str) -> list[float]:
 
 
 def _gears(text: str) -> float:
-    """The turns of the motor for one of the pulley: "5:1, 80:16" is 25."""
-    ratio = 1.0
-    for pair in text.split(","):
-        teeth = pair.split(":")
-        if len(teeth) != 2:
-            raise InputError("This is not a gear ratio.", "Write 5:1, or 5:1, 80:16.")
-        ratio *= within(teeth[0], 0.0) / within(teeth[1], 0.0)
-    return ratio
+    """Turns of the motor for one of the pulley: "5:1, 80:16" is 25."""
+    teeth = [pair.split(":") for pair in text.split(",")]
+    if any(len(pair) != 2 for pair in teeth):
+        raise InputError("This is not a gear ratio.", "Write 5:1, or 5:1, 80:16.")
+    return math.prod(within(driven, 0.0) / within(driving, 0.0) for driven, driving in teeth)
 
 
 def _count(text: str) -> int:

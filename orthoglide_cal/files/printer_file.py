@@ -1,7 +1,6 @@
 """Settings and stored touches in the files of a linear delta's firmware, whichever it is."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
@@ -20,17 +19,18 @@ from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.words import counted
 
-# A printer that was calibrated knows its heights to tenths, a calliper is read to hundredths: what
-# is farther off was not stored with the settings that are in force now.
+# Heights are known to tenths: what is farther off was not stored with the settings in force now.
 _FAR_MM = 10.0
-# How far the real arms can be from those that the firmware has.
-ARMS = "leg_length"
+ARMS = "leg_length"  # how far the real ones can be from those that the firmware has
 # Where the towers a, b, c of all firmwares stand before any correction, counter-clockwise from x.
 USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
-# What no firmware states: a probe repeats within a hundredth.
-REPEATABILITY_MM = 0.012
+REPEATABILITY_MM = 0.012  # of a probe; no firmware states it
 LARGEST_MM = 10_000.0
-Texts = Mapping[int, Sequence[str]]  # line → cells of a row
+_PROBING = {  # firmware → what probes; G29 else
+    "klipper": "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG",
+    "marlin": "G33 V0 or G29 V4",
+    "text": "G33",
+}
 
 
 def stored_mesh(
@@ -47,16 +47,15 @@ def stored_mesh(
 
 def heights_in(
     faults: Content,
-    rows: Texts,
+    rows: Mapping[int, Sequence[str]],
     shape: tuple[int, int],
     again: str,
-    unprobed: str = "(?!)",
+    unprobed: str | None = None,
     column: str | None = None,
 ) -> Floats:
-    """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
+    """Heights of a mesh of this shape [mm], NaN where a text is `unprobed`; of line → cells.
 
-    NaN stands where a text fits the pattern `unprobed`; the usual one fits none. `column` says
-    where the rows stand.
+    What is wrong is noted, with `again` as the remedy; `column` says where the rows stand.
     """
     heights = np.full((len(rows), shape[1]), math.nan)
     if len(rows) != shape[0]:
@@ -67,10 +66,9 @@ def heights_in(
             fault = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
             faults.add(fault, again, line, column, ",".join(cells))
             continue
-        for place, cell in enumerate(cells):
-            with faults.noting(line, column, cell.strip()):
-                if not re.fullmatch(unprobed, cell.strip()):
-                    heights[row, place] = within(cell)
+        for place, cell in enumerate(map(str.strip, cells)):
+            with faults.noting(line, column, cell):
+                heights[row, place] = math.nan if cell == unprobed else within(cell)
     return heights
 
 
@@ -96,8 +94,8 @@ class PrinterFile(ReadOnly):
     """Settings and data of a linear delta in the files of its firmware."""
 
     machine: LinearDelta  # with the parameters in force, and what is usual else
-    # What is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and the
-    # nozzle's height when the probe triggers. NaN where it is not known.
+    # Where the probe is from the nozzle, x, y, and the nozzle's height when it triggers, shape (3,)
+    # [mm]; NaN where it is not known.
     probe: Floats
     source: Source
     # What it stores, the first taken where nobody says: "calibration" (heights, with the distances
@@ -117,9 +115,8 @@ class PrinterFile(ReadOnly):
     def known_as(self, known: LinearDelta, sure: bool) -> tuple[LinearDelta, tuple[Reason, ...]]:
         """A known machine with the parameters in force in its firmware, and a remark on its arms.
 
-        The firmware reckons with its own arms: how far they are from those that are known is part
-        of how far they can be from the real ones, unless one is sure of these. Raises UsageError:
-        not one machine.
+        How far the firmware's arms are from the known ones adds to how far they can be from the
+        real ones, unless one is sure of these. Raises UsageError: not one machine.
         """
         in_force = (*known.geometry_keys, "bed_radius_mm")
         machine = known.changed(**{key: getattr(self.machine, key) for key in in_force})
@@ -139,20 +136,16 @@ class PrinterFile(ReadOnly):
         `chosen` is "calibration" or "mesh". Raises InputError: it does not store that.
         """
         if chosen not in self.data:
-            fault, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
+            fault, run = f"The file stores no {chosen}.", "Leave out --data, or run"
             if not self.data:
-                fault, remedy = "The file stores neither probed heights nor a mesh.", "Run"
-            again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
-            probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "text": "G33"}
-            remedy = f"{remedy} {probing.get(self.firmware, 'G29')}."
+                fault, run = "The file stores neither probed heights nor a mesh.", "Run"
+            remedy = f"{run} {_PROBING.get(self.firmware, 'G29')}."
             raise InputError(fault, remedy, file=self.source.path)
         readings, mesh = self.data[chosen], chosen == "mesh"
         _check_stored(readings, machine, reckoned=self.firmware == "klipper" and not mesh)
-        touches = readings.plan.touches
-        n = int(touches.sum())
+        touches, n = readings.plan.touches, int(readings.plan.touches.sum())
         words = f"{n} points of a mesh" if mesh else counted(n, "height")
-        if n < len(touches):
-            words += f" and {counted(len(touches) - n, 'distance')}"
+        words += f" and {counted(len(touches) - n, 'distance')}" if n < len(touches) else ""
         ratio = machine.probe.noise_mm / machine.probe.calliper_mm
         excerpt = Excerpt(chosen, words, self.firmware, self.unknown, "" if mesh else self.steps)
         return replace(
@@ -164,10 +157,7 @@ class PrinterFile(ReadOnly):
 
 
 def delta_of(document: FileText, bed: float) -> LinearDelta:
-    """A machine with the name of its file, and what is usual where no firmware states it.
-
-    It has no size yet; what a file says is checked by whoever reads it.
-    """
+    """A machine with the name of its file, and what no firmware states; without a size yet."""
     return LinearDelta.model_construct(
         name=PurePath(document.path).name,
         arm_length_mm=(0.0, 0.0, 0.0),
@@ -188,10 +178,8 @@ def within(text: str, low: float = -LARGEST_MM, high: float = LARGEST_MM) -> flo
 
 
 def _check_stored(readings: Readings, machine: LinearDelta, *, reckoned: bool) -> None:
-    """Raise InputError for readings that cannot belong to the settings in force.
-
-    They may be `reckoned` from steps by DELTA_CALIBRATE.
-    """
+    """Raise InputError for readings that cannot belong to the settings in force; they may be
+    `reckoned` from steps by DELTA_CALIBRATE."""
     n, value, away = len(readings), readings.value, np.hypot(*readings.plan.spots.T[:2])
     far = ~(np.abs(value) < _FAR_MM)
     if n > 1 and np.ptp(value) == 0.0 and not reckoned:

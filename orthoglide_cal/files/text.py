@@ -133,10 +133,8 @@ def check_size(size: int, path: str, limit: int) -> None:
 def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> None:
     """Write a file, in UTF-8, through a temporary one beside it, synchronised to the disk.
 
-    A file that is replaced keeps its owner and mode; one that has several names is not replaced,
-    and without `overwrite` none is.
-
-    Raises UsageError: the file exists and may not be replaced; InputError: it cannot be written.
+    A file that is replaced keeps its owner and mode. Raises UsageError: the file exists, and not
+    `overwrite`; InputError: it has several names, or cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     # Temporary files of interrupted writes: those that nobody can be writing, and names of `path`.
@@ -170,11 +168,9 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         remedy = "Name another file, or move that one away."
         raise UsageError(f"{path} exists and is not overwritten.", remedy) from error
     except OSError as error:
-        raise InputError(
-            f"The file cannot be written: {system_words(error)}.",
-            "Check the folder, its permissions and the free space.",
-            file=str(path),
-        ) from error
+        fault = f"The file cannot be written: {system_words(error)}."
+        remedy = "Check the folder, its permissions and the free space."
+        raise InputError(fault, remedy, file=str(path)) from error
     finally:
         with suppress(OSError):  # a folder that cannot be written to says so above
             temporary.unlink(missing_ok=True)

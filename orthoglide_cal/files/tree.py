@@ -217,7 +217,7 @@ def load_tree(file: FileText) -> Content:
     check_size(len(file.data), file.path, YAML_LIMIT)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     events: Iterator[Any] = yaml.parse(file.text, Loader=loader)
-    tree, nodes, documents = Content(file), count(1), 0
+    tree, nodes = Content(file), count(1)
 
     def read(event: yaml.NodeEvent, path: Steps, line: int) -> object:
         """The value of the node that begins with an event; a key is at the path of its group."""
@@ -231,10 +231,9 @@ def load_tree(file: FileText) -> Content:
         )
         for wrong, fault, remedy in refused:
             if wrong:
-                value, column = wrong if isinstance(wrong, str) else None, dotted(path) or None
-                raise InputError(
-                    fault, remedy, file=file.path, line=line, column=column, value=value
-                )
+                value = wrong if isinstance(wrong, str) else None
+                tree.add(fault, remedy, line, dotted(path) or None, value)
+                raise tree.error()
         tree.lines.setdefault(path, line)
         if isinstance(event, yaml.ScalarEvent):
             return None if not event.style and event.value in _NULLS else event.value
@@ -248,8 +247,8 @@ def load_tree(file: FileText) -> Content:
                 continue
             collection = isinstance(inner, yaml.CollectionStartEvent)
             if collection or not isinstance(name := read(inner, path, line), str):
-                fault, remedy = "A key must be a word.", "Write `name: value`."
-                raise InputError(fault, remedy, file=file.path, line=line)
+                tree.add("A key must be a word.", "Write `name: value`.", line)
+                raise tree.error()
             node = read(next(events), key := (*path, name), line)
             if name in group:
                 fault = f"The key is given twice (first in line {tree.lines[key]})."
@@ -261,25 +260,25 @@ def load_tree(file: FileText) -> Content:
     try:
         for event in events:
             line = event.start_mark.line + 1
-            documents += isinstance(event, yaml.DocumentStartEvent)
-            if documents > 1:
-                fault = "The file holds several documents."
-                raise InputError(fault, "Remove the `---`.", file=file.path, line=line)
+            if isinstance(event, yaml.DocumentStartEvent) and tree.lines:
+                tree.add("The file holds several documents.", "Remove the `---`.", line)
+                raise tree.error()
             if isinstance(event, yaml.NodeEvent):
                 tree.value = read(event, (), line)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         problem = getattr(error, "problem", None)
+        line = mark.line + 1 if mark else None
         remedy = "Check indentation, colons and quotes."
         if problem is None:
             problem, remedy = "a character is not allowed", "Save it as plain UTF-8 text."
-        line = mark.line + 1 if mark else None
         if line and re.match(r"\s*\t", "".join(file.text.splitlines()[line - 1 : line])):
             problem, remedy = "a tab in the indentation", "Indent with spaces, not tabs."
         fault = f"This is not valid YAML: {problem}."
         if "nesting depth" in problem:  # a limit of the parser, which looks ahead
             fault, remedy = _TOO_DEEP
-        raise InputError(fault, remedy, file=file.path, line=line) from error
+        tree.add(fault, remedy, line)
+        raise tree.error() from error
     return tree
 
 

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -24,6 +24,21 @@ from orthoglide_cal.model.model import Model
 
 # So many likely patterns are combined with causes that have a place.
 LIKELY = 5
+# Fits of several causes are kept up to so many readings in all; that of a longer session is large.
+KEPT = 1 << 18
+
+
+class Evidence(NamedTuple):
+    """Evidence of a set of causes that was fitted, and its likelihood at the fit."""
+
+    log_evidence: float
+    log_likelihood: float
+    unit_mm: float  # of the data there
+
+    @classmethod
+    def of(cls, fit: Fit) -> Self:
+        """What is kept of a fit."""
+        return cls(fit.log_evidence, fit.log_likelihood, unit_of(fit.effects))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +51,9 @@ class Belief:
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
     # Those with patterns beyond the list, by their labels.
     patterned: Mapping[str, Hypothesis] = field(default_factory=dict)
-    fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
-    # Fits of other hypotheses, made when first asked for; they change no probability.
-    _further: dict[Ids, Fit] = field(default_factory=dict)
+    fits: Mapping[Ids, Evidence] = field(default_factory=dict)  # that the probabilities rest on
+    # Fits, these and others, made when asked for; the last is the one that was asked for last.
+    _kept: dict[Ids, Fit] = field(default_factory=dict)
     # Every pattern at every where, looked at closely or not; no tolerance changes them.
     _tried: dict[bool, list[list[Pattern]]] = field(default_factory=dict)
 
@@ -58,8 +73,11 @@ class Belief:
 
     def refined(self, sets: Iterable[Ids]) -> Self:
         """The same with the nonlinear fits of some more sets of causes."""
-        fits = {ids: self.fit_of(ids) for ids in sets}
-        return replace(self, fits={**self.fits, **fits}) if fits.keys() - self.fits else self
+        fits = dict(self.fits)
+        for ids in sets:
+            if ids not in fits:
+                fits[ids] = Evidence.of(self.fit_of(ids))
+        return replace(self, fits=fits) if len(fits) > len(self.fits) else self
 
     def beside(self, hypothesis: Hypothesis, *, fine: bool = False) -> list[Hypothesis]:
         """Every pattern in addition to what a hypothesis holds, perhaps looked at closely."""
@@ -93,11 +111,12 @@ class Belief:
 
     def fit_of(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""
-        if ids in self.fits:
-            return self.fits[ids]
-        if ids not in self._further:
-            self._further[ids] = fit_hypothesis(self.hypotheses[ids])
-        return self._further[ids]
+        fit = self._kept.pop(ids, None) or fit_hypothesis(self.hypotheses[ids])
+        self._kept[ids] = fit
+        several = [one for one in self._kept if len(one) > 1]
+        if len(several) * len(self.white) > KEPT:
+            del self._kept[several[0]]
+        return fit
 
     @property
     def white(self) -> Whitened:
@@ -157,6 +176,6 @@ class Belief:
         first, second = (self.fits.get(one, self.hypotheses[one]) for one in (ids, part))
         gain = first.log_evidence - second.log_evidence
         fits = [self.fits[one] for one in (ids, part) if one in self.fits]
-        if len(fits) == 2 and all(unit_of(fit.effects) == 1.0 for fit in fits):
+        if len(fits) == 2 and all(fit.unit_mm == 1.0 for fit in fits):
             gain = min(gain, fits[0].log_likelihood - fits[1].log_likelihood)
         return gain

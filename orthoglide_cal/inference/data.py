@@ -157,7 +157,6 @@ class Whitened(ReadOnly):
             # The readings behind max − min, with the isotropic ones that the carriages pass.
             plan = ideal_plan(DataKind.TWELVE, model.machine)
             matrix = reduction(DataKind.SIX, problem.which, model.machine, plan)
-        # Rows of R, and the data, in units of independent noise.
         rows, data = whiten(matrix @ matrix.T, matrix, values)
         root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
         in_file = np.array([problem.which.index(difference) for difference in measured.which])
@@ -167,7 +166,6 @@ class Whitened(ReadOnly):
     @functools.lru_cache(maxsize=8)
     def of_plan(cls, plan: Plan, model: Model, timed: bool = True) -> Whitened:
         """Readings that are taken to a plan, all of them zero; on a known clock or not."""
-        # Zero-free contrasts are orthonormal.
         problem, texture = pose_plan(plan, model, DataKind.READINGS), None
         local = model.machine.local_shape(plan)
         if local is not None:

@@ -78,9 +78,7 @@ class Decision(Belief):
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
         wrong = max(self.hypotheses.values(), key=attrgetter("log_weight")).wrong_readings
         anew = score_all(at, wrong if len(wrong) > 1 else ())
-        return replace(
-            self, at=at, hypotheses=anew, fits={}, _further={}, repeats=False, refuted=None
-        )
+        return replace(self, at=at, hypotheses=anew, fits={}, _kept={}, repeats=False, refuted=None)
 
     def settled(self) -> Self:
         """The same with the fits that may change the statement: linear evidence alone says less."""

@@ -82,8 +82,11 @@ class Columns:
 
     def products(self, values: Floats) -> Floats:
         """Cᵀ v of each shape C and values (n, p), shape (v, q, p)."""
-        pairs = zip(self.movers, self.parts, strict=True)
-        return np.concatenate([np.tensordot(p, values[mover], (0, 0)) for mover, p in pairs], 1)
+        blocks = []
+        for mover, part in zip(self.movers, self.parts, strict=True):
+            block = part.reshape(len(part), -1).T @ values[mover]
+            blocks.append(block.reshape(*part.shape[1:], -1))
+        return np.concatenate(blocks, axis=1)
 
     def squares(self, weight: Floats) -> Floats:
         """Cᵀ diag(w²) C of each shape C and weights (n,), shape (v, q, q)."""
@@ -92,7 +95,8 @@ class Columns:
         for mover, part in zip(self.movers, self.parts, strict=True):
             weighed = weight[mover, None, None] * part
             square = weighed[..., :, None] * weighed[..., None, :]
-            blocks.append(np.tensordot(self.movers[:, mover].astype(np.float64), square, 1))
+            block = self.movers[:, mover] @ square.reshape(len(part), -1)
+            blocks.append(block.reshape(-1, *square.shape[1:]))
         return np.stack(blocks).transpose(2, 0, 3, 1, 4).reshape(v, q, q)
 
 

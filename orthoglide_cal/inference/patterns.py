@@ -101,8 +101,12 @@ def _drifts(plan: Plan, fine: bool, periods: Floats | None = None) -> Columns:
         # Neighbours differ by the same part of a turn over the longest set-up.
         count = (FINE if fine else COARSE) * SHORTEST[1] / least
         periods = longest / np.linspace(1.0 / LONGEST, 1.0 / least, round(count))
-    turn = 2.0 * np.pi * since[:, None] / periods
-    return _by_mover(plan, np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(since), periods)
+    values = np.zeros((len(plan), len(periods), 2))
+    if np.any(since):
+        turn = 2.0 * np.pi * since[:, None] / periods
+        np.sin(turn, out=values[..., 0])
+        np.cos(turn, out=values[..., 1])
+    return _by_mover(plan, values, periods)
 
 
 def _settles(plan: Plan, fine: bool, constants: Floats | None = None) -> Columns:
@@ -341,12 +345,12 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Flo
     # A bed has more unknowns than a where of it readings; of gauges all wheres at once.
     for part in [some] if texture is None else some[:, None]:
         # With less weight of some readings, by the eigenvalues of their part of the hat matrix.
-        here = columns[part[:1].any(axis=0)]
+        here = columns[part[0]]
         if len(part) == 1 and len(here) < here.shape[1]:
             size2, axes = np.linalg.eigh((here @ here.T)[None])
             match2 = size2 * (left[part[0]] @ axes) ** 2
         else:
-            size2, axes = np.linalg.eigh(columns.T @ (part[:, :, None] * columns))
+            size2, axes = np.linalg.eigh([columns[rows].T @ columns[rows] for rows in part])
             match2 = (((part * left) @ columns)[:, None] @ axes)[:, 0] ** 2
         kept = 1.0 - share[:, None] * size2[:, None]
         square = share * (part @ left**2)[:, None] + share**2 * (match2[:, None] / kept).sum(-1)

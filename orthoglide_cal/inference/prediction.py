@@ -176,9 +176,6 @@ class Later(ReadOnly):
         return white.data - white.matrix @ mean, jacobian, shared
 
 
-# --- by what needs no cause: an extension that predicts no better has shown nothing ------------
-
-
 def baselines(white: Whitened, later: Later | None) -> dict[str, float]:
     """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike, where known.
 

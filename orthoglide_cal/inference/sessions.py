@@ -37,8 +37,6 @@ from orthoglide_cal.losses import (
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.words import MM_PER_INCH
 
-# --- two sessions, and a correction between them ----------------------------------------------
-
 # Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
 STANDS = 0.01
 GAINS = 2.0 ** np.arange(-5.0, 6.0)  # prior ones of what is free, in units of what was applied
@@ -124,8 +122,6 @@ def decide_response(
         return Behaviour.UNDETERMINED, likeliest[Behaviour.AS_MODELLED]
     return stated, likeliest[stated]
 
-
-# --- sessions of several dates ----------------------------------------------------------------
 
 SPREADS = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session knows
 FREE = 1e4  # prior size, in the same units, of the parameters and of what is reported: any

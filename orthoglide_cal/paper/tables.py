@@ -2,9 +2,6 @@
 
 A. Pashkevich, D. Chablat, P. Wenger, "Kinematic calibration of Orthoglide-type mechanisms from
 observation of parallel leg motions". Where the print is wrong, the correction is stated.
-
-What offsets do to a leg (Table 1), what noise does to the offsets (Table 3; eqs. 29, 32, 33), and
-the three experiments (Tables 4 and 5).
 """
 
 import math
@@ -55,14 +52,11 @@ TABLE_3: Mapping[tuple[DataKind, float], tuple[float, float]] = {
 # Sec. 3.5: σ_ρ/σ.
 ACCURACY: Mapping[DataKind, float] = {DataKind.SIX: 1.98, DataKind.TWELVE: 2.06}
 
-# Half a unit of the last printed digit, twice over: once for the readings, once for the result.
-PRINTED_MM = 0.01
+PRINTED_MM = 0.01  # half a unit of the last printed digit, for the readings and for the result
 WITHIN = f"Reproduced: within {PRINTED_MM} mm, to which readings and results are printed."
 METHODS_IN_WORDS = {DataKind.SIX: "six-equation", DataKind.TWELVE: "twelve-equation"}
-# Of Table 3.
-REPLICATIONS = 20  # repeats of the study
-RUNS = 10_000  # sessions solved in each
-SIGMA_MM = 0.01  # noise of one reading
+# Of Table 3: repeats of the study, sessions solved in each, noise of one reading.
+REPLICATIONS, RUNS, SIGMA_MM = 20, 10_000, 0.01
 
 
 @dataclass(frozen=True)
@@ -72,13 +66,12 @@ class ReproducedRow:
     name: str
     published: tuple[float | None, ...]  # as printed; None where the paper gives nothing
     computed: tuple[float, ...] | None  # the same figures; None where they cannot be computed
-    # Largest difference that counts as reproduced, rounding of the print included.
-    allowed: float = PRINTED_MM
+    allowed: float = PRINTED_MM  # largest difference that counts as reproduced
 
     @computed_field
     @property
     def reproduced(self) -> bool | None:
-        """False if a figure differs by more than allowed; None where nothing can be computed."""
+        """None where nothing can be computed."""
         if self.computed is None:
             return None
         pairs = zip(self.published, self.computed, strict=True)
@@ -99,14 +92,12 @@ class Reproduction(Schema):
     @computed_field
     @property
     def reproduced(self) -> bool:
-        """True unless one of its rows is not."""
         return all(row.reproduced is not False for row in self.rows)
 
 
 def experiment(number: int) -> Differences:
     """The six differences of experiment 1, 2 or 3 (Table 4, with its erratum)."""
-    values = np.array(TABLE_4[f"#{number} measured"][:-1])
-    kind = DataKind.SIX
+    kind, values = DataKind.SIX, np.array(TABLE_4[f"#{number} measured"][:-1])
     return Differences(kind, DIFFERENCES[kind], values, Source(f"experiment {number}", ""))
 
 
@@ -114,15 +105,14 @@ def table_1(model: Model) -> Reproduction:
     """Sensitivities next to T_α and 1: exact derivatives, at zero offsets, of the height of a leg's
     tool end over its joint end, at the postures of each leg, in both directions."""
     machine = model.machine
-    ends = (Contact.TOOL, Contact.JOINT)
     cells = [(leg, to, at) for at in Posture for leg in range(3) for to in other_axes(leg)]
     readings = [
         PlannedReading(leg, direction, machine.displacement_mm(posture), end)
-        for end in ends
+        for end in (Contact.TOOL, Contact.JOINT)
         for leg, direction, posture in cells
     ]
     _, slopes = differentiate(model, np.zeros(3), PlannedReading.planned(readings))
-    tool, joint = np.split(slopes, len(ends))
+    tool, joint = np.split(slopes, 2)
     rows = []
     for (leg, direction, posture), by_axis in zip(cells, (tool - joint).tolist(), strict=True):
         # Spanned by the leg and the third axis.
@@ -150,11 +140,9 @@ def table_1(model: Model) -> Reproduction:
 def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.Generator) -> Floats:
     """std(Δρ) of each replication, r.m.s. over the joints, shape (REPLICATIONS,) [mm].
 
-    Found from many noisy sessions by nonlinear least squares (eq. 25), where all three offsets are
-    `offset_mm`. Each reading gets its own noise, so a session's twelve differences share the noise
-    of their isotropic readings (errata, eq. 30).
-
-    Raises UnusableResultError: any of the solves did not reach its optimum.
+    Nonlinear least squares (eq. 25), all offsets `offset_mm`. Each reading has its own noise: a
+    session's twelve differences share that of the isotropic ones (errata, eq. 30). Raises
+    UnusableResultError: a solve did not reach its optimum.
     """
     plan = ideal_plan(kind, model.machine)
     problem = pose_plan(plan, model, kind)
@@ -173,12 +161,11 @@ def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.G
 
 
 def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
-    """std(Δρ) by Monte Carlo, 20 × 10,000 nonlinear solves per cell: mean and largest departure."""
+    """std(Δρ) by Monte Carlo: mean and largest departure."""
     rows = []
     for (kind, offset), printed in TABLE_3.items():
         stds = monte_carlo(model, kind, offset, rng)
-        mean = float(stds.mean())
-        computed = mean, float(np.abs(stds - mean).max())
+        computed = float(stds.mean()), float(np.abs(stds - stds.mean()).max())
         name = f"{METHODS_IN_WORDS[kind]}, offset {offset:.1f} mm"
         rows.append(ReproducedRow(name, printed, computed, printed[1]))
     return Reproduction(
@@ -238,10 +225,7 @@ def table_5(model: Model) -> Reproduction:
 
 
 def accuracy_factor(model: Model, kind: DataKind) -> float:
-    """σ_ρ/σ of one cycle of readings: the paper's 1.98 (six, eq. 29) and 2.06 (twelve, eq. 32).
-
-    Of all readings at once: the Cramér–Rao bound of the same isotropic, Max and Min readings.
-    """
+    """σ_ρ/σ of one cycle: the paper's 1.98 (six, eq. 29), 2.06 (twelve, eq. 32); or the bound."""
     problem = pose_plan(ideal_plan(kind, model.machine), model, kind)
     # σ_ρ = √(trace V / 3) (eq. 33)
     return rms(np.sqrt(np.diag(problem.spread(np.linalg.pinv(problem.at_zero[1])))))

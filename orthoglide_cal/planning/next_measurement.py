@@ -195,9 +195,6 @@ def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasuremen
     yield option(Reason.of("repeat_reversed", half_way=half_way), LEGS[::-1], usual)
 
 
-# --- ranked -----------------------------------------------------------------------------------
-
-
 # `plan FILE` asks for all, and so does the calibration that it shows as well.
 @lru_cache(maxsize=1)
 def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
@@ -235,7 +232,6 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     # With many readings a probability may be too small for a number: such a one decides nothing.
     possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
     likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST_EXPLANATIONS]
-    # Readings that cannot be solved together with the first ones are judged alone.
     alone = [] if first is not None else [(share, fit.unread) for share, fit in likeliest]
     predicted = predictions(model, first, choice, [*likeliest, *alone])
     true, judged = slice(len(likeliest)), slice(-len(likeliest), None)
@@ -274,8 +270,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     decides = bool(open_pairs.any())
     # U is that of a listed explanation.
     listed = np.where([one.patterns != () for one in hypotheses], 0.0, shares)
-    total = sum(share for share, _ in diagnosis.left_open)
-    within = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
+    within = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open)
     between = np.diag(diagnosis.covariance_mm2 - within)
     taken = 0.0 if first is None else _fixed(model, first, fits[0])
     now = NORMAL_K * np.sqrt((np.diag(diagnosis.covariance_mm2) + taken).max())

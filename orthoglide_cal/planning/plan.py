@@ -74,9 +74,6 @@ TINY = 1e-18  # mm²
 _USUAL = GuidedSession()
 
 
-# --- the forecast of one session --------------------------------------------------------------
-
-
 class SessionForecast(Schema):
     """The forecast of a `Layout`, or of a session like it."""
 
@@ -241,9 +238,6 @@ def fewest_cycles(
     return at(fewest) if fewest in numbers else None
 
 
-# --- which causes can be distinguished --------------------------------------------------------
-
-
 def separations(
     model: Model, plan: Plan, among: Collection[str] | None = None
 ) -> tuple[dict[tuple[str, str], float], dict[str, float]]:
@@ -376,9 +370,6 @@ def _plausible(cause: Cause, machine: Machine) -> Floats:
     others = product((1.0, -1.0), repeat=cause.freedom - len(first))
     signs = np.array([(*first, *rest, *small) for rest in others])
     return signs * (cause.millimetres(machine) if cause.counts else cause.prior_std(machine))
-
-
-# --- the plan ---------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -126,10 +126,8 @@ def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
     return machine.joints_at(leg, np.linspace(start, end, stretches + 1)[1:])
 
 
-# --- the template of a program: what its owner wrote for their controller -------------------------
-# Lines that are a comment beginning with "orthocal" are settings, notes, or the marker that says
-# where the blocks go; all others are copied as they stand.
-
+# Comments in a template that begin with "orthocal" are settings, notes, or the marker that says
+# where the blocks go; all other lines are copied as they stand.
 _OURS = re.compile(r"\s*\(\s*orthocal\b([^()]*)\)\s*", re.IGNORECASE)
 _WAITS = text_that(
     re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+").fullmatch,
@@ -202,9 +200,6 @@ def _template(document: FileText, program: PostureProgram) -> Template:
         content.take(error, Template)
     content.check()
     return template
-
-
-# --- as text ----------------------------------------------------------------------------------
 
 
 def chosen_program(

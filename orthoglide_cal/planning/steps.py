@@ -204,9 +204,6 @@ def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[Ga
     return PlannedReading.planned(cells, hours=hours), minutes
 
 
-# --- the best design --------------------------------------------------------------------------
-
-
 @functools.lru_cache(maxsize=8)  # a plan asks for it once for each number of cycles
 def design_of(machine: Machine) -> tuple[tuple[float, float], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.

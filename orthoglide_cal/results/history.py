@@ -186,7 +186,7 @@ class _Session:
     def settle(self, standing: Ids, causes: tuple[Cause, ...], scale: float) -> None:
         """Find the values, if the machine had the standing causes then; `causes` of any date.
 
-        They are as large at each date as at the others: `scale` times their usual size.
+        They have the same size at each: `scale` times their usual one.
         """
         shares = self.by_lasting[standing]
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
@@ -282,9 +282,9 @@ def _reached(
     reached = Reached(limit_mm=limit_mm, scatter_exceeds=beyond)
     if not (days and last):
         return reached
-    first = min(days, key=days.__getitem__)
-    date = (last + timedelta(days=min(days[first], 36500.0))).date().isoformat()
-    return reached.changed(parameter=first, days=days[first], date=date)
+    soonest, first = min((time, name) for name, time in days.items())
+    date = (last + timedelta(days=min(soonest, 36500.0))).date().isoformat()
+    return reached.changed(parameter=first, days=soonest, date=date)
 
 
 def compare(
@@ -293,10 +293,9 @@ def compare(
     limit_mm: float | None = None,
     adjusted: Mapping[str, Removed] = MappingProxyType({}),
 ) -> History:
-    """Compare the sessions of a machine.
+    """Compare two or more sessions of a machine; simulated ones count only where no other is there.
 
     Args:
-        inputs: two or more sessions of it; simulated ones count only where no other is there.
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
         adjusted: digest of a session → what was adjusted after it.
@@ -305,17 +304,14 @@ def compare(
     does not determine the parameters.
     """
     if len(dates) not in (0, len(inputs)):
-        raise UsageError(
-            f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
-            "Give --dates one date for each, in the order of the files.",
-        )
+        fault = f"{len(inputs)} sessions need as many dates, not {len(dates)}."
+        raise UsageError(fault, "Give --dates one date for each, in the order of the files.")
     inputs, notes = [*inputs], list[Reason]()
     for k, date in enumerate(dates):
         inputs[k] = replace(inputs[k], conditions=inputs[k].conditions.changed(started=date))
         if inputs[k].moment is None:
             raise UsageError(f"{date!r} is no date.", "Write --dates 2026-03-02,2026-04-07")
     measured = [one for one in inputs if not one.measured.source.simulated]
-    simulated = not measured
     if measured and len(measured) < len(inputs):
         notes.append(Reason.of("left_out", count=len(inputs) - len(measured)))
     inputs = measured or inputs
@@ -411,7 +407,7 @@ def compare(
     return History(
         machine=machine.name,
         kind=machine.kind,
-        simulated=simulated,
+        simulated=not measured,
         dated=dated,
         sessions=tuple(rows),
         verdict=verdict,
@@ -501,5 +497,5 @@ def _circumstances(inputs: Sequence[Input], sessions: Sequence[DatedSession]) ->
         yield Reason.of("arms_vary")
     for id in dict.fromkeys(id for session in sessions for id in session.causes):
         shown = [session.path for session in sessions if id in session.causes]
-        every = len(shown) == len(sessions)
-        yield Reason.of("shown_in_all" if every else "shown_in", id=id, paths=shown)
+        code = "shown_in_all" if len(shown) == len(sessions) else "shown_in"
+        yield Reason.of(code, id=id, paths=shown)

@@ -4,9 +4,8 @@ The change c of the differences that both hold is regressed on what the model pr
 
     c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
 
-h: predicted differences, Δρ: offsets before, δ: entered in the controller. An entered δ is taken
-off the offset that remains (true = indicated + Δρ), so theory says β = 1. What the controller
-corrects of causes from then on was entered, too: g holds it; each axis is judged without it.
+h: predicted differences, Δρ: offsets before, δ: entered in the controller; theory says β = 1. What
+the controller corrects of causes from then on is in g, too; each axis is judged without it.
 
 A machine that probes itself has other places each time: it is as predicted if the mean squares of
 its heights differ by no more than noise and local shape, as stated, explain.
@@ -106,9 +105,8 @@ class ComparedDifference(PromisedDifference):
     @classmethod
     def of(cls, row: PromisedDifference, after: float, u: float, limit: float | None) -> Self:
         """The promise and what was measured, with its U and a limit [mm]."""
-        outcome = None
+        outcome, room = None, (limit or 0.0) - abs(after)
         if limit is not None:
-            room = limit - abs(after)
             unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
             outcome = Outcome.PASS if room >= u else unsure
         return cls(**dict(row), after_mm=after, after_expanded_mm=u, outcome=outcome)
@@ -220,12 +218,11 @@ def verify(
     response = _respond(before.measured, after.measured, model, added, first.offsets_mm, applied)
     later, data = pose(after.measured, model, table_kind(before.measured))
     u = NORMAL_K * model.machine.instrument.noise_mm * np.sqrt(np.diag(later.covariance()))
-    pairs = zip(data.tolist(), u.tolist(), strict=True)
-    left = dict(zip((difference.name for difference in later.which), pairs, strict=True))
+    promised = {row.name: row for row in promise(before.measured, first, applied, right, added)}
     rows = [
-        ComparedDifference.of(row, *left[row.name], limit_mm)
-        for row in promise(before.measured, first, applied, right, added)
-        if row.name in left
+        ComparedDifference.of(promised[which.name], value, unsure, limit_mm)
+        for which, value, unsure in zip(later.which, data.tolist(), u.tolist(), strict=True)
+        if which.name in promised
     ]
     if not rows:
         raise UsageError(
@@ -428,8 +425,8 @@ def _respond(
 ) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
-    To `applied`, δ, shape (3,) [mm], and to what its controller corrects since (`added`); one of
-    the two is there. `offsets` are Δρ before, shape (3,) [mm].
+    To `applied`, δ (3,) [mm], or what its controller corrects since (`added`); `offsets`: Δρ
+    before, (3,) [mm].
     """
     kind, first, second, change = shared_differences(before, after, model)
     gauge, remaining = model.machine.instrument, offsets - applied

@@ -33,7 +33,7 @@ STREAM, EVEN_S = 4, 0.15
 BY_HAND_S = 0.06  # a gauge, or one that acts as a keyboard, is faster [s per character]
 BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s]
 _ENDS = "\r\n\t"  # some gauges end their number with TAB
-_ERASE, _ERASE_ALL = "\x7f\b", "\x15"
+_ERASE, _ERASE_ALL = "\x7f\b\x15", "\x15"
 _END_OF_INPUT = "\x04\x1a"  # Ctrl-D; on Windows Ctrl-Z, which elsewhere is no key but a signal
 _WIDEST = 80  # more is not easily read; taken where nobody says how wide the screen is
 _LONGEST = 4096  # no one types more
@@ -126,11 +126,9 @@ class Keyboard:
                 self._lines.append(Line(self._typed, self._begun if self._typed else now, now))
                 self._typed = ""
             elif key in _ERASE:
-                answer += "\b \b" * len(visible(self._typed[-1:]))
-                self._typed = self._typed[:-1]
-            elif key == _ERASE_ALL:
-                answer += "\b \b" * len(self.partial)
-                self._typed = ""
+                erased = self._typed if key == _ERASE_ALL else self._typed[-1:]
+                answer += "\b \b" * len(visible(erased))
+                self._typed = self._typed.removesuffix(erased)
             elif key in _END_OF_INPUT:
                 self._lines.extend(() if self._typed else (None,))
             elif len(self._typed) < _LONGEST:

@@ -611,8 +611,7 @@ class Dialogue:
             case "t":
                 last = list(self.state.accepted.items())[-20:]
                 lines = [f"The last {counted(len(last), 'reading')}:"]
-                for number, item in last:
-                    take = item.take
+                for number, (take, _) in last:
                     name = self.setting.steps[number - 1].name
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""
                     value = value_text(take.value_mm, self.request.unit)
@@ -767,14 +766,14 @@ def _first_records(request: Request, asker: Asker) -> list[events.Event]:
         steps = session.steps(model.machine)
         plan = PlannedReading.planned([step.cell for step in steps])
     else:
-        first, options, model = _recommended(request.following, request)
+        first, options, model = _rank(request.following, request)
     model = _holding(model, request.offsets_mm)
     source, seed = _source(request, first)
     confirmed: Model | None = None
     while confirmed is not model:  # what was typed is shown, and asked once more
         model = confirmed or model
         if first:
-            plan, following, change = planned_next(first, options, request, model.machine.active)
+            plan, following, change = planned_next(first, options, request, model)
         careful = require_on_bar(plan, model.machine)
         asker.say(_machine_words(model, seed, first))
         doubts = map(request.says, model.machine.instrument.implausible().values())
@@ -847,16 +846,14 @@ def _machine_words(model: Model, seed: int | None, first: PriorReadings | None) 
 
 
 def planned_next(
-    first: PriorReadings,
-    options: tuple[NextMeasurement, ...],
-    request: Request,
-    offsets_mm: Sequence[float],
+    first: PriorReadings, options: tuple[NextMeasurement, ...], request: Request, model: Model
 ) -> tuple[GaugePlan, events.Following, str]:
-    """Plan what is recommended next, best first, with these offsets [mm] in the controller.
+    """Plan what is recommended next, best first, with the offsets that the machine has now.
 
     The last is what was entered since the first readings, in a sentence. Raises UsageError.
     """
-    x, y, z = np.subtract(offsets_mm, first.model.machine.active).round(9).tolist()
+    before = first.model.machine.active
+    x, y, z = np.subtract(model.machine.active, before).round(9).tolist()
     change = np.subtract((x, y, z), first.left_entered)
     # To act they were homed for, and that has pushed stands that were still there.
     moved = bool(change.round(6).any())
@@ -882,9 +879,7 @@ def planned_next(
     return plan, following, f"{changed} the new readings are written with that difference."
 
 
-def _recommended(
-    path: str, request: Request
-) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
+def _rank(path: str, request: Request) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
     keeper, choice = request.keeper, request.choice or 1
     if path == "-":

@@ -368,11 +368,10 @@ _TRUTH, _NOISE = 0, 1  # streams of random numbers
 class SimulatedGauge(LiveGauge):
     """Reads what the real gauges would; the same seed gives the same readings.
 
-    The hidden offsets are those of the machine without any correction: what is active acts.
-
-    Each reading has a stream of random numbers (seed, step, take, active offsets), so that an
-    interrupted session reads the same as any other. In a session that goes on from others, steps
-    count from theirs on, and every part has its own zeros.
+    The hidden offsets are those of the machine without any correction: what is active acts. Each
+    reading has its stream of random numbers (seed, step, take, active offsets): an interrupted
+    session reads the same as any other. In one that continues others, steps count from theirs on,
+    and every part has its own zeros.
     """
 
     hint = "press Return"

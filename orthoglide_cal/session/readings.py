@@ -531,8 +531,7 @@ def _explanations(readings: ReadingsSoFar, prediction: Mixture) -> Iterator[tupl
     if readings.partner is not None:
         right.append((Doubt.EXCHANGED, "are the two gauges exchanged?", value))
     for doubt, words, undone in right:
-        exchanged = doubt is Doubt.EXCHANGED
-        fits = readings.prediction(past, exchanged) if exchanged else prediction
+        fits = readings.prediction(past, exchanged=True) if doubt is Doubt.EXCHANGED else prediction
         chance = fits.tail(np.array([[undone]])).item()
         if chance >= DISMISSED and LIMIT * fits.std.item() <= abs(away):
             yield chance, Question(doubt, words)
@@ -543,10 +542,9 @@ def _how_far(readings: ReadingsSoFar, unit: Unit, expected: float, std: float) -
     if not readings.repeats:
         here = f"{with_uncertainty(expected, 2 * std)} mm"
         if unit is Unit.INCH:
-            inches = expected / MM_PER_INCH, 2 * std / MM_PER_INCH
-            here = f"{with_uncertainty(*inches)} in ({here})"
+            here = f"{with_uncertainty(expected / MM_PER_INCH, 2 * std / MM_PER_INCH)} in ({here})"
         return f"expected {here} here, not {value_text(value, unit)}"
     difference = abs(value - float(np.mean(readings.value[readings.repeats])))
     count = _NUMBERS[min(len(readings.repeats), 5)]
-    far = value_text(difference, unit, "")
-    return f"{far} from the last {'cycle' if count == 'one' else count + ' cycles'}"
+    cycles = "cycle" if count == "one" else f"{count} cycles"
+    return f"{value_text(difference, unit, '')} from the last {cycles}"
