@@ -318,13 +318,11 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
     known, choices = at.sizes(base, hypothesis.scale), max((len(c.shares) for c in base), default=0)
     if choices:
         tried = [(scale, number) for scale in at.scales for number in range(choices)]
-        sizes = np.stack([at.sizes(base, *choice) for choice in tried])
-        others = np.ones((len(tried), free_size.size + seen.shape[1]))
-        others[:, : free_size.size] = free_size
-        columns, every = np.hstack([derivatives, free, seen]), np.hstack([sizes, others])
+        others = *free_size.tolist(), *np.ones(seen.shape[1])
+        every = np.stack([np.append(at.sizes(base, *choice), others) for choice in tried])
         shares = np.log([at.scales[scale] for scale, _ in tried])
-        density = Gaussian(columns, every, at.noise, shares)
-        known = sizes[int(np.argmax(log_sum(density.by_noise(linear), 1)))]
+        density = Gaussian(np.hstack([derivatives, free, seen]), every, at.noise, shares)
+        known = at.sizes(base, *tried[int(np.argmax(log_sum(density.by_noise(linear), 1)))])
     sizes = np.concatenate([known, free_size, np.ones(carried.shape[1])])
     widths = [*(cause.unknowns for cause in base), *[free_size.size] * (extra is not None)]
     ends = np.cumsum([at.offsets.shape[1], *widths])

@@ -72,16 +72,11 @@ class Parameter(Schema):
         """Every parameter of a machine from values and standard uncertainties (p,), U = k u."""
         machine, expanded = model.machine, k * std
         known = zip(values.tolist(), machine.determined(expanded), strict=True)
-        columns = {
-            "name": machine.parameter_names,
-            "unit": machine.parameter_units,
-            "active": machine.active,
-            "found": [value if sure else None for value, sure in known],
-            "std": std.tolist(),
-            "expanded": expanded.tolist(),
-        }
-        rows = zip(*columns.values(), strict=True)
-        return tuple(cls(**dict(zip(columns, row, strict=True))) for row in rows)
+        found = [value if sure else None for value, sure in known]
+        keys = "name", "unit", "active", "found", "std", "expanded"
+        named = machine.parameter_names, machine.parameter_units, machine.active
+        rows = zip(*named, found, std.tolist(), expanded.tolist(), strict=True)
+        return tuple(cls(**dict(zip(keys, row, strict=True))) for row in rows)
 
     def change(self, decimals: int) -> float:
         """The change as it is entered, if it is; nothing of what the readings do not determine."""
