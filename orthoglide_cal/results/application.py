@@ -357,15 +357,13 @@ def take_back(
         raise UsageError(f"{path} records nothing that could be taken back.", "Check the file.")
     last = machine.history[-1]
     if sha256 is not None and last.data_sha256 != sha256:
-        raise UsageError(
-            f"The last entry of {path}, of {last.date[:10]}, is from another measurement.",
-            "Only the last one can be taken back: leave the measurement out, or name its own.",
-        )
+        fault = f"The last entry of {path}, of {last.date[:10]}, is from another measurement."
+        remedy = "Only the last one can be taken back: leave the measurement out, or name its own."
+        raise UsageError(fault, remedy)
     if last.after is not None and machine.active != last.active[1]:
-        raise UsageError(
-            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date[:10]}.",
-            "It was changed by hand: change it back by hand.",
-        )
+        held, day = _joined(machine.active), last.date[:10]
+        fault = f"{path} holds {held} mm, not what was entered on {day}."
+        raise UsageError(fault, "It was changed by hand: change it back by hand.")
     written, data = last.written, b""
     if written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
