@@ -123,10 +123,8 @@ def yaml_number(value: object) -> float:
     if not isinstance(value, str):
         raise InputError("This must be a number.", "Write a plain number such as 310.25.")
     if _OCTAL.fullmatch(value.strip()):
-        raise InputError(
-            "A whole number with a leading zero is ambiguous (YAML reads it as octal).",
-            "Write it without the leading zero.",
-        )
+        fault = "A whole number with a leading zero is ambiguous (YAML reads it as octal)."
+        raise InputError(fault, "Write it without the leading zero.")
     return parse_number(value)
 
 
@@ -139,10 +137,8 @@ def whole_number(least: int) -> BeforeValidator:
 
 def _version(value: object) -> object:
     if value not in (1, "1"):
-        raise InputError(
-            "This version of the file format is not known.",
-            "Write 1, or use the orthocal that wrote the file.",
-        )
+        fault = "This version of the file format is not known."
+        raise InputError(fault, "Write 1, or use the orthocal that wrote the file.")
     return 1
 
 
