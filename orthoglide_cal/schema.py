@@ -67,7 +67,7 @@ class Reason(Schema):
 
     @model_serializer
     def sentence(self, info: SerializationInfo) -> str:
-        """By the context of the dump, which composes it; the code without."""
+        """The sentence that the dump's context composes, or the code."""
         return info.context(self) if callable(info.context) else self.code
 
 
@@ -143,7 +143,7 @@ def _version(value: object) -> object:
 
 
 def text_that(passes: Callable[[str], object], fault: str, remedy: str) -> AfterValidator:
-    """A text that passes: of others the check is false, or raises ValueError."""
+    """A text that passes a check, which is false or raises ValueError for others."""
 
     def check(text: str) -> str:
         with suppress(ValueError):
