@@ -345,10 +345,7 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
 
 
 def _settle(fit: Fit) -> Fit:
-    """The fit with what is uncertain of the data as it acts on a machine with these causes.
-
-    What a stand's place does to the readings depends on how the touched surface lies.
-    """
+    """The fit with what is uncertain of the data as it acts on a machine with these causes."""
     at, derivatives, width = fit.hypothesis.linearised, fit.derivatives, len(fit.start)
     caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
     stands = any(influence.source == Origin.GAUGE_PLACEMENT for influence in fit.uncertain)
@@ -433,10 +430,8 @@ def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
 
     Errors of different blocks depend on each other: the square of n of them has the mean n and the
     variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and
-    Satterthwaite). Of the few differences of a table nothing is asked.
-
-    Returns:
-        Which they are, (m,), the errors, weighed as in `Whitened.rms`, (m,), and all together.
+    Satterthwaite). Of the few differences of a table nothing is asked. Returns which they are,
+    (m,), the errors, weighed as in `Whitened.rms`, (m,), and all together.
     """
     white = fit.white
     # S⁻¹ = (I − A Aᵀ)/σ²
