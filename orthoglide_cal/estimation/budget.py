@@ -100,8 +100,8 @@ class Budget:
     @cached_property
     def dof(self) -> float:
         """Effective degrees of freedom u⁴/Σ(uᵢ⁴/νᵢ), of the offset that has the fewest."""
-        spent = sum(np.array(part.std) ** 4 / part.dof for part in self.contributions)
-        worst = float(np.max(spent / self.std_mm**4))
+        spent = sum(p.covariance_mm2.diagonal() ** 2 / p.dof for p in self.contributions)
+        worst = float(np.max(spent / self.covariance_mm2.diagonal() ** 2))
         return 1.0 / worst if worst > 0.0 else math.inf
 
     @cached_property
@@ -209,7 +209,8 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
 
     A diagnosis may contradict it; the parameters found have its uncertainty in any case.
     """
-    return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
+    ids = model.machine.fixed_parameters
+    return tuple(plausible_causes(ids, model, offsets, plan)[1]) if ids else ()
 
 
 def plausible_causes(

@@ -166,7 +166,7 @@ class Fit(ReadOnly):
         """Indices of the readings that it calls wrong by an unknown amount."""
         return sum((effect.place for effect in self.effects if effect.cause.hides_reading), ())
 
-    @property
+    @cached_property
     def first_uncertain(self) -> int:
         """Index of the first unknown that is of what is uncertain of the data."""
         widths = (influence.columns.shape[1] for influence in self.uncertain)
@@ -179,12 +179,12 @@ class Fit(ReadOnly):
         local = np.repeat([influence.local for influence in self.uncertain], widths)
         return read_only(np.append(np.zeros(self.first_uncertain), local), np.bool_)
 
-    @property
+    @cached_property
     def rest(self) -> float:
         """Variance of a reading by what of a local shape is too fine to be described [mm²]."""
         return self.scale_factor**2 * sum(influence.rest for influence in self.uncertain)
 
-    @property
+    @cached_property
     def stated(self) -> float:
         """Standard deviation of a reading as stated, that included [mm]."""
         return math.hypot(self.noise.stated, math.sqrt(self.rest))
