@@ -114,7 +114,9 @@ class InputError(OrthocalError, ValueError):
     @classmethod
     def of(cls, problems: "Sequence[InputError]") -> "InputError":
         """All of them, at least one, as one error."""
-        return replace(problems[0], problems=tuple(problems))
+        error = replace(problems[0], problems=())
+        error.problems = (error, *problems[1:])
+        return error
 
     @property
     def place(self) -> str:

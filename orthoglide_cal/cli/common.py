@@ -297,17 +297,10 @@ def require_printer(source: Source, data: Data) -> None:
 
 
 @cache
-def read_machine_file(path: Path) -> StoredMachine:
-    """A machine file, read once in a command."""
-    from orthoglide_cal.files.machine_file import read_machine_file as read
-
-    return read(path)
-
-
-@cache
 def chosen_machine(machine_file: Path | None) -> StoredMachine | None:
     """The machine file of --machine, else that of this folder; None if there is neither."""
     from orthoglide_cal.files.input import machine_in_folder
+    from orthoglide_cal.files.machine_file import read_machine_file
 
     path = machine_file or machine_in_folder(Path())
     return read_machine_file(path) if path else None
@@ -338,7 +331,7 @@ def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     if machine_file is None:
         return None
     settings = printer_settings(machine_file) if str(machine_file) != "-" else None
-    return settings or read_machine_file(machine_file).model
+    return settings or usual_machine(machine_file)
 
 
 @cache
@@ -360,8 +353,8 @@ def usual_machine(machine_file: Path | None = None) -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, chosen_machine, own_machine_file, known_machine, usual_machine):
-        read.cache_clear()
+    for known in (chosen_machine, own_machine_file, known_machine, usual_machine):
+        known.cache_clear()
 
 
 def deliver(

@@ -35,7 +35,6 @@ def export(
 
     if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
-
     given = common.read_input(file, machine, data, rule_out)
     known = given.model.machine
     if format not in ("text", *known.controller_formats):

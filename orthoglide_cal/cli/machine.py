@@ -128,7 +128,7 @@ def new(
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.sentences import sentence
 
-    stored = common.read_machine_file(target).model.machine
+    stored = common.usual_machine(target).machine
     for doubt in stored.instrument.implausible().values():
         common.tell(sentence(doubt))
     common.tell(

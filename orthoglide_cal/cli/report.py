@@ -36,7 +36,6 @@ def report(
 
     if after is None and applied is not None:
         raise UsageError("--applied goes with --after.", "Name the later readings.")
-
     path = file or next(map(str, reversed(sessions_in(Path()))), None)
     if path is None:
         remedy = "Name a file of readings, or measure first: orthocal measure"

@@ -61,8 +61,7 @@ class Application:
     file: StoredMachine  # as it is
     entry: Entered  # what is recorded, or taken back
     then: StoredMachine  # the machine file as it will be
-    undone: bool = False  # whether the entry is taken back
-    given: Input | None = None  # the measurement; None where it is taken back
+    given: Input | None  # the measurement; None where the entry is taken back
     controller: ControllerFile | None = None  # as it is; None where it is not written
     written: Written | None = None  # what changes in it
     data: bytes = b""  # of it, as it will be
@@ -118,7 +117,7 @@ class Application:
         writes = [(record.path, record.sha256, self.then.document.data)]
         if controller is not None:
             writes.append((controller.target, controller.sha256, self.data))
-        if self.undone:
+        if self.given is None:
             writes.reverse()
         else:  # the name of a table holds its digest: it is new, or what a killed program left
             writes[:0] = [(table.path, table.sha256, table.text.encode()) for table in self.tables]
@@ -133,7 +132,7 @@ class Application:
                         write_text(Path(record.path).resolve(), record.data, overwrite=True)
                     self._remove_tables()
                 raise
-        if self.undone:
+        if self.given is None:
             self._remove_tables()
 
     def _remove_tables(self) -> None:
@@ -158,8 +157,7 @@ def apply(
         if controller is not None and controller.format != machine.controller_formats[0]:
             fault = f"{controller.target} is a {controller.format} file; {machine.name} is of kind"
             raise UsageError(f"{fault} {machine.kind}.", "Name the file of its own controller.")
-    if given.recorded is not None:
-        # Causes may have been accepted since; rails and legs are what they were.
+    if given.recorded:  # causes may have been accepted since; rails and legs are what they were
         _check_same_machine(given.recorded, file, but=("identified",))
     adds, digits = recording(given) != "elsewhere", answer.decimals
     before = {p.name: p.active for p in answer.parameters} if adds else None
@@ -168,7 +166,7 @@ def apply(
     corrections = tuple(_corrections(model, answer, controller)) if controller else ()
     made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
-        return Application(file, entry, file)
+        return Application(file, entry, file, given)
     history = file.model.machine.history
     last = history[-1].written if history else None
     known = last if last and controller and last.target == controller.target else None
@@ -209,7 +207,7 @@ def apply(
     entry = entry.changed(written=written)
     then = with_entry(file, entry)
     return Application(
-        file, entry, then, False, given, controller, written, data, corrections, tuple(remarks)
+        file, entry, then, given, controller, written, data, corrections, tuple(remarks)
     )
 
 
@@ -359,15 +357,13 @@ def take_back(
         raise UsageError(f"{path} records nothing that could be taken back.", "Check the file.")
     last = machine.history[-1]
     if sha256 is not None and last.data_sha256 != sha256:
-        raise UsageError(
-            f"The last entry of {path}, of {last.date[:10]}, is from another measurement.",
-            "Only the last one can be taken back: leave the measurement out, or name its own.",
-        )
+        fault = f"The last entry of {path}, of {last.date[:10]}, is from another measurement."
+        remedy = "Only the last one can be taken back: leave the measurement out, or name its own."
+        raise UsageError(fault, remedy)
     if last.after is not None and machine.active != last.active[1]:
-        raise UsageError(
-            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date[:10]}.",
-            "It was changed by hand: change it back by hand.",
-        )
+        held, day = _joined(machine.active), last.date[:10]
+        fault = f"{path} holds {held} mm, not what was entered on {day}."
+        raise UsageError(fault, "It was changed by hand: change it back by hand.")
     written, data = last.written, b""
     if written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
@@ -385,7 +381,7 @@ def take_back(
         written, data = controller.restored(written)
     then = without_entry(file)
     remarks = controller.remarks if controller else ()
-    return Application(file, last, then, True, None, controller, written, data, (), remarks)
+    return Application(file, last, then, None, controller, written, data, (), remarks)
 
 
 def _joined(values: tuple[float, ...]) -> str:

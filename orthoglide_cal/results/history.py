@@ -37,7 +37,7 @@ from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.inference.sessions import DatedValues, Trend, decide_trends
 from orthoglide_cal.losses import DISMISSED
 from orthoglide_cal.model.machine import Machine, Origin
-from orthoglide_cal.model.model import CONFIDENCE, NORMAL_K, Cause, Estimate, Model
+from orthoglide_cal.model.model import CONFIDENCE, Cause, Estimate, Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import STEP_K
@@ -320,10 +320,8 @@ def compare(
         inputs = [given for k, given in enumerate(inputs) if k not in copies]
     if len(inputs) < 2:
         without = ": simulated and copied ones do not count" * bool(notes)
-        raise UsageError(
-            f"A history needs two sessions or more{without}.",
-            "Name the files. In a folder only sessions count, no tables (CSV): name those.",
-        )
+        remedy = "Name the files. In a folder only sessions count, no tables (CSV): name those."
+        raise UsageError(f"A history needs two sessions or more{without}.", remedy)
     inputs, moments = in_order(inputs)
     times = np.arange(len(inputs), dtype=np.float64)
     if dated := bool(moments):
@@ -363,9 +361,6 @@ def compare(
         rows = zip(names, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
         return tuple(Estimate(name=id, unit=unit, value=v, std=u) for (id, unit), v, u in rows)
 
-    def expanded(covariance: Floats) -> tuple[float, ...]:
-        return tuple((NORMAL_K * np.sqrt(np.diagonal(covariance))).tolist())
-
     data = DatedValues(
         np.array([session.values for session in sessions]),
         np.array([session.covariance for session in sessions]),
@@ -382,7 +377,7 @@ def compare(
             path=session.path,
             started=moments[k].isoformat() if dated else conditions.started,
             parameters=sized(session.values, total),
-            own_expanded=expanded(session.covariance),
+            own_expanded=tuple(u.expanded for u in sized(session.values, session.covariance)),
             fitted=tuple(fit.state(k)[0].tolist()),
             causes=ids,
             refuted=session.refuted,
@@ -425,7 +420,7 @@ def compare(
         drift=drift,
         scatter=scatter,
         pooled=now,
-        further={n: expanded(fit.state(-1, more=n)[1]) for n in (1, 2, 5)},
+        further={n: tuple(u.expanded for u in sized(*fit.state(-1, more=n))) for n in (1, 2, 5)},
         prediction=sized(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),
         also=also,
         limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
@@ -443,10 +438,9 @@ def _one_machine(models: Sequence[Model]) -> list[Reason]:
     other = {key for then, by in pairs for key in then if then[key] != by.get(key)}
     if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
         names = listed([*dict.fromkeys(model.machine.name for model in models)])
-        raise UsageError(
-            f"These are sessions of several machines ({names}): {', '.join(sorted(other))} differ.",
-            "Name the files of one, or the machine that all are judged by: --machine FILE",
-        )
+        fault = f"These are sessions of several machines ({names}):"
+        remedy = "Name the files of one, or the machine that all are judged by: --machine FILE"
+        raise UsageError(f"{fault} {', '.join(sorted(other))} differ.", remedy)
     for model in models:
         model.machine.check_same(last.machine)
     other -= {"offsets_mm", "history", "gauges", "report"}

@@ -293,10 +293,9 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
 
     No change exceeds its U, nor do all together say that homing has moved (χ²).
     """
-    for effect in model.remaining():
-        # It is to be entered, too.
-        if effect.cause.compensable and np.any(np.abs(effect.theta) > NORMAL_K * effect.std):
-            return False
+    entered_too = (effect for effect in model.remaining() if effect.cause.compensable)
+    if any(np.any(np.abs(effect.theta) > NORMAL_K * effect.std) for effect in entered_too):
+        return False
     if np.any(np.abs(estimate.offsets_mm) > estimate.budget.expanded_mm):
         return False
     budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm

@@ -195,10 +195,8 @@ def verify(
     if any(heights):
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if different := differing(before.model, after.model):
-        raise UsageError(
-            f"The two sessions are of different machines: {', '.join(different)} differ.",
-            "Give the machine that both are to be judged by: --machine FILE",
-        )
+        fault = f"The two sessions are of different machines: {', '.join(different)} differ."
+        raise UsageError(fault, "Give the machine that both are to be judged by: --machine FILE")
     pushed, screws = dict.fromkeys(AXES, 0.0), dict[str, dict[str, float]]()
     for id, size in adjusted:
         sizes = pushed if id == HOME_SWITCH.id else screws.setdefault(id, {})
@@ -225,10 +223,8 @@ def verify(
         if which.name in promised
     ]
     if not rows:
-        raise UsageError(
-            "The two files share no difference between the ends of a leg's travel.",
-            "Measure the postures max and min before and after.",
-        )
+        fault = "The two files share no difference between the ends of a leg's travel."
+        raise UsageError(fault, "Measure the postures max and min before and after.")
     columns = "measured_mm", "expected_mm", "expanded_mm", "after_mm", "after_expanded_mm"
     was, will_be, sure, now, now_sure = np.array([attrgetter(*columns)(row) for row in rows]).T
     apart, both = rms(now - will_be), rms(np.hypot(sure, now_sure))

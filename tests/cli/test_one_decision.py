@@ -128,6 +128,11 @@ def test_where_nothing_is_needed_nothing_is_asked_of_the_record() -> None:
     active = dict(zip("xyz", model.machine.active, strict=True))
     assert (told["before"], told["after"], told["date"]) == (active, active, None)
     assert "Nothing to enter" in applied.stderr
+    assert not told["simulated"]
+    run("machine", "new", "--practice", "--yes", "--output", "practice.yaml")
+    run("simulate", "--seed", "1", "--output", "one.yaml", "--machine", "practice.yaml")
+    (told,) = lines(run("apply", "one.yaml", "--machine", "practice.yaml", "--json", "--yes"))
+    assert (told["simulated"], told["date"]) == (True, None)
 
 
 @pytest.mark.parametrize(

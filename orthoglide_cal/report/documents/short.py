@@ -60,7 +60,7 @@ def check_document(check: Check, source: Source | None = None) -> doc.Document:
 def application_document(application: Application) -> doc.Document:
     """The offsets in the controller from now on, and what comes next; as data what changes [mm]."""
     entry, machine, given = application.entry, application.file.model.machine, application.given
-    undone, written, controller = application.undone, application.written, application.controller
+    undone, written, controller = given is None, application.written, application.controller
     simulated = given is not None and given.measured.source.simulated
     # In the controller until then and from then on; none of a printer.
     before, after = (dict(active or {}) for active in (entry.before, entry.after))
