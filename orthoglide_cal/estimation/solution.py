@@ -5,9 +5,9 @@
 d are the data, h the predicted readings and R the reduction of the method: differences of
 readings for the paper's methods, zero-free contrasts of all readings for `readings`.
 
-Gauss–Newton, with shorter steps where a whole one does not help; one call solves many sessions.
-The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which holds at zero
-offsets only.
+Gauss–Newton with Levenberg–Marquardt damping where a step does not help; one call solves many
+sessions. The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which
+holds at zero offsets only.
 
 single            eq. 10, pseudoinverse              single-posture differences
 single-sequential eq. 11, one offset after the other
@@ -68,6 +68,7 @@ SHORT_STEP = 1e-5
 # Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
+FIRST_DAMPING = 1e-3
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
 NEGLIGIBLE = 1e-6
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -226,11 +227,13 @@ class Problem(ReadOnly):
         return whiten_shared(ratio, *values)
 
     def remaining(self, data: Floats, offsets: Floats) -> Floats:
-        """Distance of the offsets from the least-squares optimum: (..., k), (..., 3) [mm] → (...).
+        """Distance of the offsets from the least-squares optimum, recomputed from the data.
 
         |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
         noise σ: no offset would move by more than as many of its standard deviations. Zero at a
         stationary point of eq. (25), NaN where the model cannot be evaluated.
+
+        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
         """
         predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
         return self.length(jacobian, normal_step(jacobian, data - predicted))
@@ -259,14 +262,18 @@ def _simulate_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[
     return read_only(readings), read_only(jacobian)
 
 
-def normal_step(jacobian: Floats, residual: Floats) -> Floats:
-    """Solve JᵀJ s = Jᵀr: (..., k, p), (..., k) → (..., p); NaN where the model has no value."""
+def normal_step(jacobian: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
+    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr: (..., k, p), (..., k) → (..., p).
+
+    NaN where the model cannot be evaluated.
+    """
     turned = np.swapaxes(jacobian, -1, -2)
     normal, gradient = turned @ jacobian, turned @ residual[..., None]
     # Scaled, so that lengths and angles weigh alike.
     size = np.sqrt(np.einsum("...ii->...i", normal))
     unit = np.eye(jacobian.shape[-1])
     scaled = normal / (size[..., :, None] * size[..., None, :])
+    scaled = scaled + np.asarray(damping)[..., None, None] * unit
     fine = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
     solved = np.linalg.solve(np.where(fine, scaled, unit), gradient / size[..., None])
     return np.asarray(np.where(fine[..., 0], solved[..., 0] / size, np.nan))
@@ -296,13 +303,16 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     )
     offsets = np.broadcast_to(first, (count, width)).copy()
     jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
-    residual = flat - model
+    residual, damping = flat - model, np.zeros(count)
     step = normal_step(jacobian, residual)
     left = problem.length(jacobian, step)
     for _ in range(MAX_ITERATIONS):
         which = np.flatnonzero(left > SHORT_STEP)
         if not which.size:
             break
+        if np.any(damping[which]):
+            careful = which[damping[which] > 0.0]
+            step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
         trial = offsets[which] + step[which]
         model, slope = problem.predict_with_jacobian(trial, strict=False)
         after = flat[which] - model
@@ -311,12 +321,14 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         cost = (residual[which] ** 2).sum(axis=-1)
         slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
         better = (after**2).sum(axis=-1) <= cost + slack
-        step[which] /= 2.0  # for where it does not help
         moved = which[better]
         offsets[moved], residual[moved] = trial[better], after[better]
         jacobian[moved] = slope[better]
         step[moved] = normal_step(jacobian[moved], residual[moved])
         left[moved] = problem.length(jacobian[moved], step[moved])
+        more = np.maximum(10.0 * damping[which], FIRST_DAMPING)
+        less = damping[which] / 10.0
+        damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
     last = np.where(left <= SHORT_STEP, step.T, 0.0).T
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
