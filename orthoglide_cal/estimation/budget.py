@@ -209,8 +209,7 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
 
     A diagnosis may contradict it; the parameters found have its uncertainty in any case.
     """
-    ids = model.machine.fixed_parameters
-    return tuple(plausible_causes(ids, model, offsets, plan)[1]) if ids else ()
+    return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 
 def plausible_causes(

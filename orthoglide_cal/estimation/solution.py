@@ -326,9 +326,8 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         jacobian[moved] = slope[better]
         step[moved] = normal_step(jacobian[moved], residual[moved])
         left[moved] = problem.length(jacobian[moved], step[moved])
-        more = np.maximum(10.0 * damping[which], FIRST_DAMPING)
-        less = damping[which] / 10.0
-        damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
+        less = np.where(damping[which] < 10.0 * FIRST_DAMPING, 0.0, damping[which] / 10.0)
+        damping[which] = np.where(better, less, np.maximum(10.0 * damping[which], FIRST_DAMPING))
     last = np.where(left <= SHORT_STEP, step.T, 0.0).T
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
