@@ -38,7 +38,8 @@ def history(
                 inputs.append(common.read_input(str(path), machine, data))
             except InputError as error:
                 if path == given:
-                    error.remedy = f"{error.remedy} Or leave it out: name the other files.".strip()
+                    fault = error.problems[0]
+                    fault.remedy = f"{fault.remedy} Or leave it out: name the other files.".strip()
                     raise
                 common.tell(f"Left out: {error}")
     with common.working(counted(len(inputs), "file")):

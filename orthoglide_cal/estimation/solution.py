@@ -5,9 +5,9 @@
 d are the data, h the predicted readings and R the reduction of the method: differences of
 readings for the paper's methods, zero-free contrasts of all readings for `readings`.
 
-Gauss–Newton, with shorter steps where a whole one does not help; one call solves many sessions.
-The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which holds at zero
-offsets only.
+Gauss–Newton with Levenberg–Marquardt damping where a step does not help; one call solves many
+sessions. The exact Jacobian of the forward model is used, not the one of eqs. (16), (17), which
+holds at zero offsets only.
 
 single            eq. 10, pseudoinverse              single-posture differences
 single-sequential eq. 11, one offset after the other
@@ -68,6 +68,7 @@ SHORT_STEP = 1e-5
 # Rounding of predicted differences of lengths around a metre [mm], and of a sum of squares.
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
+FIRST_DAMPING = 1e-3
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
 NEGLIGIBLE = 1e-6
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -179,10 +180,7 @@ class Problem(ReadOnly):
         return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
 
     def weighted(self, ratio: Floats) -> Problem:
-        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
-
-        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
-        """
+        """The same of contrasts of covariance I + C Cᵀ, C (k, p) in σ, made independent."""
         assert isinstance(self.matrix, Contrasts)
         return replace(self, matrix=altered(self.matrix, shrunk=shrinking(ratio)))
 
@@ -223,20 +221,19 @@ class Problem(ReadOnly):
         return np.asarray(moved @ moved.swapaxes(-1, -2))
 
     def whitened(self, ratio: Floats, *values: Floats) -> tuple[Floats, ...]:
-        """Values, each (k,) or (k, q), made independent if their covariance is R Rᵀ + C Cᵀ.
-
-        `ratio` is C, shape (k, c), in standard deviations of one reading.
-        """
+        """Values, (k,) or (k, q), of covariance R Rᵀ + C Cᵀ, C (k, c) in σ, made independent."""
         if not isinstance(self.matrix, Contrasts):
             return whiten(self.covariance() + ratio @ ratio.T, *values)
         return whiten_shared(ratio, *values)
 
     def remaining(self, data: Floats, offsets: Floats) -> Floats:
-        """Distance of the offsets from the least-squares optimum: (..., k), (..., 3) [mm] → (...).
+        """Distance of the offsets from the least-squares optimum, recomputed from the data.
 
         |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
         noise σ: no offset would move by more than as many of its standard deviations. Zero at a
         stationary point of eq. (25), NaN where the model cannot be evaluated.
+
+        Data (..., k) [mm], offsets (..., 3) [mm] → (...) [standard deviations].
         """
         predicted, jacobian = self.predict_with_jacobian(offsets, strict=False)
         return self.length(jacobian, normal_step(jacobian, data - predicted))
@@ -265,14 +262,18 @@ def _simulate_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[
     return read_only(readings), read_only(jacobian)
 
 
-def normal_step(jacobian: Floats, residual: Floats) -> Floats:
-    """Solve JᵀJ s = Jᵀr: (..., k, p), (..., k) → (..., p); NaN where the model has no value."""
+def normal_step(jacobian: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
+    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr: (..., k, p), (..., k) → (..., p).
+
+    NaN where the model cannot be evaluated.
+    """
     turned = np.swapaxes(jacobian, -1, -2)
     normal, gradient = turned @ jacobian, turned @ residual[..., None]
     # Scaled, so that lengths and angles weigh alike.
     size = np.sqrt(np.einsum("...ii->...i", normal))
     unit = np.eye(jacobian.shape[-1])
     scaled = normal / (size[..., :, None] * size[..., None, :])
+    scaled = scaled + np.asarray(damping)[..., None, None] * unit
     fine = np.isfinite(scaled).all(axis=(-1, -2), keepdims=True)
     solved = np.linalg.solve(np.where(fine, scaled, unit), gradient / size[..., None])
     return np.asarray(np.where(fine[..., 0], solved[..., 0] / size, np.nan))
@@ -292,8 +293,7 @@ class LeastSquaresFit(ReadOnly):
 def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
     """Minimise |d − R·h(Δρ)|² for each data set d, shape (..., k) [mm], of one problem.
 
-    `start` are first offsets, shape (..., p) [mm]; zero if None. Look at `converged` before using a
-    number of the fit.
+    From `start`, (..., p) [mm], or zero. Look at `converged` before using a number of the fit.
     """
     batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
     count, width = len(flat), len(problem.model.machine.parameter_names)
@@ -303,13 +303,16 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     )
     offsets = np.broadcast_to(first, (count, width)).copy()
     jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
-    residual = flat - model
+    residual, damping = flat - model, np.zeros(count)
     step = normal_step(jacobian, residual)
     left = problem.length(jacobian, step)
     for _ in range(MAX_ITERATIONS):
         which = np.flatnonzero(left > SHORT_STEP)
         if not which.size:
             break
+        if np.any(damping[which]):
+            careful = which[damping[which] > 0.0]
+            step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
         trial = offsets[which] + step[which]
         model, slope = problem.predict_with_jacobian(trial, strict=False)
         after = flat[which] - model
@@ -318,12 +321,13 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         cost = (residual[which] ** 2).sum(axis=-1)
         slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
         better = (after**2).sum(axis=-1) <= cost + slack
-        step[which] /= 2.0  # for where it does not help
         moved = which[better]
         offsets[moved], residual[moved] = trial[better], after[better]
         jacobian[moved] = slope[better]
         step[moved] = normal_step(jacobian[moved], residual[moved])
         left[moved] = problem.length(jacobian[moved], step[moved])
+        less = np.where(damping[which] < 10.0 * FIRST_DAMPING, 0.0, damping[which] / 10.0)
+        damping[which] = np.where(better, less, np.maximum(10.0 * damping[which], FIRST_DAMPING))
     last = np.where(left <= SHORT_STEP, step.T, 0.0).T
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
@@ -365,10 +369,7 @@ class Method(StrEnum):
 
 
 def choose_method(measured: Measured, name: str | None) -> Method:
-    """The method asked for, or the default for this kind of data.
-
-    Raises UsageError: unknown name, or a method that these data cannot feed.
-    """
+    """The method of this name, or the default; raises UsageError: not one for these data."""
     if name is None:
         return Method(measured.kind)
     usable = [method for method in Method if method.uses in measured.kinds]
@@ -387,10 +388,7 @@ def table_kind(measured: Measured) -> DataKind:
 
 @functools.lru_cache(maxsize=8)
 def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
-    """The problem that a method makes of readings, whatever these will be.
-
-    Differences that the plan lacks are left out.
-    """
+    """The problem that a method makes of readings, without differences that the plan lacks."""
     if kind is DataKind.READINGS:
         return Problem(model, plan, zero_free(plan))
     wanted = DIFFERENCES[kind]
@@ -399,10 +397,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
 
 
 def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:
-    """Reduce the data to what is compared with the model, of a kind that can be made of them.
-
-    The problem, and its data (k,) [mm]. Differences that they lack are left out.
-    """
+    """The problem of a kind that the data can feed, without what they lack; its data (k,) [mm]."""
     if isinstance(measured, Readings):
         problem = pose_plan(measured.plan, model, kind)
         return problem, problem.matrix @ measured.value
@@ -466,10 +461,9 @@ def require_rank(problem: Problem) -> None:
 
 
 def require_determined(problem: Problem) -> None:
-    """Refuse data that tell no more of a parameter than is known of any such machine.
+    """Raise UnusableResultError if data tell no more of a parameter than of any such machine.
 
-    On the nominal machine with the stated noise: what a search must stand on. Raises as
-    `require_rank`.
+    On the nominal machine with the stated noise: what a search must stand on.
     """
     machine, estimator = problem.model.machine, np.linalg.pinv(problem.at_zero[1])
     std = machine.instrument.noise_mm * np.sqrt(np.diag(problem.spread(estimator)))
@@ -491,10 +485,7 @@ def require_optimum(problem: Problem, fit: LeastSquaresFit) -> LeastSquaresFit:
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
-    """Raises UnusableResultError for the parameters that are `free`, shape (p,).
-
-    With the fewest differences that complete the rank.
-    """
+    """Raise UnusableResultError for `free` parameters (p,), with the fewest differences to add."""
     machine, matrix = problem.model.machine, problem.at_zero[1]
     fault = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
     fault = f"These readings do not determine {fault}."

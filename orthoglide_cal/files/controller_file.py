@@ -382,10 +382,8 @@ class Klipper(ControllerFile):
 
 
 def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
-    """The machine as its firmware is to have it, with arms that were accepted as longer.
-
-    `changes` of the calibrated parameters, (6,) [mm, deg].
-    """
+    """The machine as its firmware is to have it, with these changes of its calibrated parameters,
+    (6,) [mm, deg], and arms that were accepted as longer."""
     machine = LinearDelta.require(model.machine)
     *endstops, radius, angle_a, angle_b = np.add(machine.active, changes).round(9).tolist()
     angles = np.array([angle_a, angle_b, machine.tower_angles_deg[2]])

@@ -72,15 +72,13 @@ _UNKNOWN = (
     " folder."
 )
 
-# Code and letter → its numbers: {"M665L": (215.0,)}.
-Words = dict[str, list[float]]
+Words = dict[str, list[float]]  # code and letter → its numbers: {"M665L": [215.0]}
 
 
 def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     """The machine and the probe that these files state; the last of them wins.
 
-    The radius of the bed is NaN where it is not stated. Raises InputError with everything
-    that is wrong in one of them.
+    An unknown radius of the bed is NaN. Raises InputError: everything that is wrong in one of them.
     """
     words: Words = {}
     for file in (document, *overriding):
@@ -113,8 +111,7 @@ def _stated(machine: LinearDelta, words: Words, marlin: bool, trigger: float) ->
     arms = np.array(words["M665L"]) * np.ones(3)
     if marlin and "M665C" in words:
         arms += _three(words, "M665", letters="ABC")
-    adjusted = _three(words, "M666")
-    angles = _three(words, "M665") + USUAL_ANGLES_DEG
+    angles, adjusted = _three(words, "M665") + USUAL_ANGLES_DEG, _three(words, "M666")
     if not 0.0 < radius < arms.min():
         fault = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
         raise InputError(fault, "Check both in M665.")
@@ -225,9 +222,8 @@ def _words(file: FileText) -> Words:
     for number, line in enumerate(file.text.split("\n"), start=1):
         for code, rest in _CODE.findall(line.split(";")[0].upper()):
             new = Words()
-            for letter, text in _WORD.findall(rest):
-                if letter not in _LETTERS[code]:
-                    continue
+            known = (match for match in _WORD.findall(rest) if match[0] in _LETTERS[code])
+            for letter, text in known:
                 word = code + letter
                 low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
                 with faults.noting(number, f"{letter} of {code}", letter + text):
@@ -256,16 +252,14 @@ _RESULTS = re.compile(r"(?:^|[\s>:])\.\s+((?:c|yz) ?:.*)$")
 _RESULT = re.compile(r"\b(c|x|y|z|yz|zx|xy) ?: ?([-+]?[0-9.]+)")
 # Where G33 probes: at the towers x, y, z and opposite of them [deg].
 _TURNS = {"x": 210.0, "y": 330.0, "z": 90.0, "yz": 30.0, "zx": 150.0, "xy": 270.0}
-# So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
-_MARGIN_MM = 10.0
+_MARGIN_MM = 10.0  # between probe and edge, unless Marlin was compiled otherwise
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
 
 
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
-    The radius of the bed is NaN where the settings before it do not have it. Raises
-    InputError: everything that is wrong; no heights, or not their places.
+    Raises InputError: everything that is wrong; no heights, or not their places.
     """
     faults, offset = Content(document), np.nan_to_num(settings.probe)
     remarks, reach = [*settings.remarks], settings.machine.bed_radius_mm - _MARGIN_MM
@@ -345,8 +339,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
     are made up; or the last heights of RepRapFirmware, at the places of G30 P….
 
-    Raises InputError: no number, no place on the bed, or neither the text nor a bed.g in its folder
-    has the places.
+    Raises InputError: no number, no place on the bed, or no places in the text and bed.g.
     """
     text, faults = document.text, Content(document)
     offset, remarks, reach = np.nan_to_num(settings.probe), settings.remarks, math.inf

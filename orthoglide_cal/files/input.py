@@ -254,12 +254,11 @@ def copies_in(inputs: Sequence[Input]) -> dict[int, int]:
 
     A printer's file is stored again with the same calibration: what is measured once counts once.
     """
-    first: dict[bytes | str, int] = {}
-    copies = {}
+    first, copies = dict[bytes | str, int](), {}
     for k, given in enumerate(inputs):
         read, excerpt = given.measured, given.measured.source.excerpt
-        key = read.value.tobytes() if isinstance(read, Readings) else read.source.sha256
-        key = (excerpt and excerpt.steps) or key
+        values = read.value.tobytes() if isinstance(read, Readings) else read.source.sha256
+        key = (excerpt and excerpt.steps) or values
         if first.setdefault(key, k) != k:
             copies[k] = first[key]
     return copies
@@ -319,10 +318,8 @@ def together(inputs: Sequence[Input]) -> Input:
     last = inputs[-1]
     machine = last.model.machine
     zero = np.zeros(len(machine.parameter_names))
-    plan, value = machine.together(
-        [(given.model.machine, given.measured) for given in inputs],
-        lambda now: differentiate(last.model, zero, now)[1],
-    )
+    dates = [(given.model.machine, given.measured) for given in inputs]
+    plan, value = machine.together(dates, lambda now: differentiate(last.model, zero, now)[1])
     remarks = [
         Reason.of("other_settings", files=[given.name for given in pair], settings=names)
         for pair in pairwise(inputs)
@@ -381,7 +378,7 @@ def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
 
 
 def printers_in(folder: Path) -> list[Path]:
-    """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
+    """The files of a folder that describe a linear delta to Klipper, latest last."""
     printers = (path for path, text in _texts_in(folder, "cfg") if _DELTA.search(text))
     return sorted(printers, key=lambda path: (path.stat().st_mtime, path))
 

@@ -253,10 +253,8 @@ def settings_beside(document: FileText) -> PrinterFile | None:
 
 
 def read_klippy_log(document: FileText) -> PrinterFile:
-    """The last configuration of a log, with the last calibration and else what was probed.
-
-    Raises InputError with everything that is wrong in the lines that matter here.
-    """
+    """The last configuration of a log, with its calibration or what was probed. Raises InputError
+    with everything that is wrong in the lines that matter here."""
     lines = document.text.split("\n")
     starts = [number for number, line in enumerate(lines, start=1) if _CONFIG.fullmatch(line)]
     if not starts:
@@ -289,8 +287,7 @@ def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, 
         if not re.fullmatch(rf"\[(?:{entry}(?:, |(?=\])))*\]", text):
             fault = f"This is not a list of {name}s with stepper positions."
             remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
-            line, value = number + 1, text or None
-            raise InputError(fault, remedy, file=document.path, line=line, value=value)
+            raise InputError(fault, remedy, file=document.path, line=number + 1, value=text or None)
         for index, parts in enumerate(re.findall(entry, text)):
             for end, part in zip(("", *_POSITIONS[name]), parts, strict=True):
                 stored[f"{name}{index}{end}"] = number + 1, part
@@ -303,8 +300,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
             with faults.noting(number, value=match[0]):
-                place = [within(match[group]) for group in (2, 3, 4)]
-                rows.append((number, *place, match[1] == ":"))
+                rows.append((number, *map(within, match.group(2, 3, 4)), match[1] == ":"))
     faults.check()
     touches = np.array(rows)
     at, less = touches[:, 1:4], touches[:, 4] > 0.0  # whose z is less the offset

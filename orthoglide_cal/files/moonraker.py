@@ -48,16 +48,14 @@ def check_idle(address: str) -> None:
         return  # nothing can print, and a file that keeps it from starting can be restored
     state = _asked(address, "/printer/objects/query?print_stats", "status", "print_stats", "state")
     if state not in _IDLE:
-        raise UsageError(
-            f"The printer at {address} is {state}.", "Nothing was changed. Wait until it is idle."
-        )
+        problem = f"The printer at {address} is {state}."
+        raise UsageError(problem, "Nothing was changed. Wait until it is idle.")
 
 
 def upload(address: str, data: bytes) -> None:
     """Put a printer.cfg in the place of the server's; what it holds then counts, not its answer.
 
-    Raises UsageError: the printer prints; InputError: the server does not take it, or holds
-    something else afterwards.
+    Raises UsageError: the printer prints; InputError: the server does not hold it afterwards.
     """
     check_idle(address)
     mark = "----orthocal-" + os.urandom(16).hex()

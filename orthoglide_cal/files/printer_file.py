@@ -131,10 +131,8 @@ class PrinterFile(ReadOnly):
         return machine.changed(tolerances=sizes), (remark,)
 
     def readings(self, chosen: str, machine: LinearDelta) -> Readings:
-        """Readings that a printer.cfg stores, at places meant by the parameters of a machine.
-
-        `chosen` is "calibration" or "mesh". Raises InputError: it does not store that.
-        """
+        """Readings that it stores, at places meant by the parameters of a machine: "calibration" or
+        "mesh". Raises InputError: it does not store that."""
         if chosen not in self.data:
             fault, run = f"The file stores no {chosen}.", "Leave out --data, or run"
             if not self.data:

@@ -264,10 +264,9 @@ _BLANKS = " \t\u00a0\u202f\ufeff\n\r\v\f"  # also those that spreadsheets and we
 class Table(Content):
     """A CSV file; its value is the list of its rows that are not blank.
 
-    Each is column → text without blanks around it, of cells that are not empty. The header says
-    what separates cells: guessing goes wrong on `1,234;5,678`. Blank lines are skipped, and so are
-    lines that start with # or, as in Excel, with sep=. If the first column may hold free text, a #
-    after the header belongs to its text: skipping the line would lose a reading.
+    Each is column → text of cells that are not empty. The header says what separates cells:
+    guessing goes wrong on `1,234;5,678`. Lines that start with # or, as in Excel, with sep= are
+    skipped; but below a first column that may hold free text this would lose a reading.
     """
 
     of_table = True
@@ -729,10 +728,7 @@ def _differences(table: Table, machine: Machine) -> Differences:
 
 
 def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
-    """Readings, touches or differences, by the header of a CSV.
-
-    Raises InputError with everything that is wrong.
-    """
+    """Readings, touches or differences, by the header of a CSV; InputError with all its faults."""
     table = Table(document)
     columns = set(table.columns)
     probed = columns & {"x_mm", "y_mm"} and not columns & {"leg", "difference"}
@@ -749,7 +745,7 @@ def measured_in(document: FileText, machine: Machine) -> Readings | Differences:
 
 # --- sessions -----------------------------------------------------------------------------------
 
-# The note of a reading that was questioned and kept, with its step.
+# Note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
 

@@ -283,10 +283,7 @@ def load_tree(file: FileText) -> Content:
 
 
 def yaml_text(value: object, width: int = 1000) -> str:
-    """YAML of plain values, in the order given, as `load_tree` reads it back.
-
-    Groups of numbers go on in the next line behind `width` characters.
-    """
+    """YAML of plain values, as `load_tree` reads it; numbers go on in a next line after `width`."""
     # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
     apart, dumper = json.loads(json.dumps(value)), getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     write = partial(yaml.dump, default_flow_style=None, sort_keys=False, allow_unicode=True)

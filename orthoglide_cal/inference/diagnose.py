@@ -85,19 +85,15 @@ class Diagnosis(Decision):
         return self._carried(self.best if self.verdict is Verdict.UNEXPLAINED else self.accepted)
 
     def _carried(self, ids: Ids) -> Fit:
-        """The same of a set of causes.
-
-        Of readings of one plane a smooth shape, whatever makes it, and the motions that they show.
-        """
-        hypotheses = self.hypotheses
-        if (self.shape,) not in hypotheses:
-            return self.fit_of(ids)
-        beside = (id for id in ids if not CAUSES[id].repeats)
-        with_shape = tuple(sorted((self.shape, *beside)))
-        return self.fit_of(with_shape if with_shape in hypotheses else (self.shape,))
+        """The same of a set; of readings of one plane a shape, whatever makes it, and motions."""
+        if (self.shape,) in self.hypotheses:
+            beside = (id for id in ids if not CAUSES[id].repeats)
+            ids = tuple(sorted((self.shape, *beside)))
+            ids = ids if ids in self.hypotheses else (self.shape,)
+        return self.fit_of(ids)
 
     def refutation(self, later: Later) -> Reason | None:
-        """How later readings refute each set of causes that is named or left open, if they do."""
+        """How later readings refute all sets that are named or left open, if they do."""
         sets = (self.accepted, *(self.rival_sets if self.verdict is Verdict.AMBIGUOUS else ()))
         if not all(any(CAUSES[id].lasting for id in ids) for ids in sets):
             return None  # something else may have acted that day
@@ -110,8 +106,7 @@ class Diagnosis(Decision):
         """The calibrated parameters alone."""
         # Found already, but for data that are weighed otherwise there.
         known = self.white.raw and self.white.texture is None
-        best = self.at.offsets[0] if known else None
-        return solve(self.measured, self.model, offsets=best)
+        return solve(self.measured, self.model, offsets=self.at.offsets[0] if known else None)
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
@@ -131,34 +126,31 @@ class Diagnosis(Decision):
     def silent_fits(self) -> Mapping[str, list[tuple[float, Fit]]]:
         """Faults of the record besides the named causes that these data would not show, by id.
 
-        At each place: its share next to what is left open, and the fit that holds it.
+        At each place its share next to what is left open, and its fit.
         """
         if self.verdict is not Verdict.NAMED or not self.wrong:
             return {}
-        best = self.accepted
+        fits, best = dict[str, list[tuple[float, Fit]]](), self.accepted
         total = self.share((best, *self.same_answer(best)))
-        # To keep any other place open would cost more than to be wrong.
-        return {
-            more: fits_at_places(
-                self.hypotheses[ids], self.listed[ids] / total, keep_ratio(ids, best)
-            )
-            for ids in self.silent
-            for more in set(ids) - set(best)
-        }
+        for ids in self.silent:
+            # To keep any other place open would cost more than to be wrong.
+            least, share = keep_ratio(ids, best), self.listed[ids] / total
+            placed = fits_at_places(self.hypotheses[ids], share, least)
+            fits |= dict.fromkeys(set(ids) - set(best), placed)
+        return fits
 
     @cached_property
     def beyond_tolerance(self) -> tuple[TimesStated, ...]:
         """Causes that would explain what is unexplained, how many times their size."""
         if self.verdict is not Verdict.UNEXPLAINED:
             return ()
-        at, hypotheses = self.at, self.hypotheses
         explaining = []
-        for cause in at.candidates.broad:
+        for cause in self.at.candidates.broad:
             try:
-                fit = fit_hypothesis(replace(hypotheses[(cause.id,)], scale=ANY_SIZE))
+                fit = fit_hypothesis(replace(self.hypotheses[cause.id,], scale=ANY_SIZE))
             except PostureError:  # no machine of any size is like that
                 continue
-            times = fit.effects[0].times(at.white.machine)
+            times = fit.effects[0].times(self.white.machine)
             if times > BEYOND and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple(TimesStated(id=id, times=times) for _, id, times in sorted(explaining))
@@ -167,17 +159,13 @@ class Diagnosis(Decision):
 
     @cached_property
     def offsets(self) -> tuple[Floats, Floats]:
-        """Offsets (3,) [mm] and their covariance (3, 3) [mm²] under the verdict.
-
-        Averaged over the explanations that the data leave open, weighted by probability, so
-        that the choice among them is part of the uncertainty.
-        """
+        """Offsets (3,) [mm] and their covariance (3, 3) [mm²], over all that is left open."""
         shares, fits = zip(*self.left_open, strict=True)
         values, spreads = zip(*((fit.offsets, fit.offsets_covariance) for fit in fits), strict=True)
         mean, covariance = mixture(shares, values, spreads)
         if self.verdict is Verdict.UNEXPLAINED and not self.described:
-            # What may return with its posture, in each cell as large as what is left in the
-            # readings: repeats cannot average it out.
+            # What may return with its posture, in each cell as large as what is left: repeats
+            # cannot average it out.
             white, fit = self.white, fits[0]
             left = float(fit.residual @ fit.residual) / max(len(white) - mean.size, 1)
             cells = fit.estimator @ (white.matrix @ white.plan.returning)
@@ -186,12 +174,12 @@ class Diagnosis(Decision):
 
     @property
     def offsets_mm(self) -> Floats:
-        """Mean of the offsets under the verdict, shape (3,)."""
+        """The offsets, shape (3,)."""
         return self.offsets[0]
 
     @property
     def covariance_mm2(self) -> Floats:
-        """Their covariance, shape (3, 3); carries the choice within an alias class."""
+        """Their covariance, shape (3, 3)."""
         return self.offsets[1]
 
     @property
@@ -206,18 +194,16 @@ class Diagnosis(Decision):
         gauge, scatter = self.model.machine.instrument, Scatter(fit.sigma, np.inf)
         budget = budget_of(fit.estimator, gauge, scatter, fit.uncertain)
         causes = " and ".join(e.cause.id for e in fit.effects if e.covariance is not None)
-        beyond = {causes: fit.offsets_covariance} if causes else {}
-        beyond[Origin.EXPLANATIONS] = self.covariance_mm2
-        for source, covariance in beyond.items():
-            left = covariance - budget.covariance_mm2
-            budget = budget.extended([Contribution.beyond(source, left)])
+        beyond = [(causes, fit.offsets_covariance)] if causes else []
+        for source, covariance in (*beyond, (Origin.EXPLANATIONS, self.covariance_mm2)):
+            left = Contribution.beyond(source, covariance - budget.covariance_mm2)
+            budget = budget.extended([left])
         return budget
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
         """Contributions to the uncertainty of a solution's offsets for these data, by cause.
 
-        Each explanation, besides the offsets alone, by the probability that the data leave it: how
-        far it would move the offsets, and how much less sure of them it is.
+        Each explanation by its share: how far it moves the offsets, and how much it widens them.
         """
         least, fits = solution.budget.covariance_mm2, self.left_open
         if self.verdict is Verdict.UNEXPLAINED:
@@ -254,14 +240,14 @@ class Diagnosis(Decision):
         better = self.baselines is not None and self.baselines.better is not None
         causes = []
         for effect, slot in zip(fit.effects, fit.slots, strict=True):
-            cause, id = effect.cause, effect.cause.id
+            cause, id, parameters = effect.cause, effect.cause.id, self.model.called(effect)
             where, times = cause.label(effect.place, white.plan, machine), effect.times(machine)
-            parameters = self.model.called(effect)
             if cause.hides_reading and len(effect.place) > 1:
                 # Several wrong readings are called by their places.
-                names = (cause.label((row,), white.plan, machine) for row in effect.place)
-                pairs = zip(parameters, names, strict=True)
-                parameters = tuple(one.changed(name=name) for one, name in pairs)
+                parameters = tuple(
+                    one.changed(name=cause.label((row,), white.plan, machine))
+                    for one, row in zip(parameters, effect.place, strict=True)
+                )
             adds = fit.columns[:, slot] @ effect.theta[: slot.stop - slot.start]
             # Causes that stand in its place in a rival explanation, or in one of the same remedy.
             lacking = (rival for rival in (*same, *rivals) if id not in rival)
@@ -304,17 +290,17 @@ class Diagnosis(Decision):
     def rivals(self) -> tuple[Ids, ...]:
         """Causes open in place of the answer or besides it, in the order of `ambiguous_with`.
 
-        Causes that act together are one, unless each of them is open alone, too.
+        Those that act together are one, unless each is open alone, too.
         """
         (_, answer), *others = self.left_open
-        apart = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
-        order, alone = self.ambiguous_with, {ids for ids in apart if len(ids) == 1}
-        kept = {
+        order = self.ambiguous_with
+        apart = {tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others} - {()}
+        kept = (
             ids
             for ids in apart
-            if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
-        }
-        return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
+            if set(ids) <= set(order) and (len(ids) == 1 or not {(id,) for id in ids} <= apart)
+        )
+        return tuple(sorted(kept, key=lambda ids: [order.index(id) for id in ids]))
 
     @cached_property
     def unshown(self) -> tuple[UnshownFault, ...]:
@@ -324,8 +310,7 @@ class Diagnosis(Decision):
             effects = (effect for _, fit in fits for effect in fit.effects if effect.cause.id == id)
             wheres = (effect.cause.label(effect.place, plan, machine) for effect in effects)
             change = np.max([np.abs(fit.offsets - self.offsets_mm) for _, fit in fits], axis=0)
-            u = NORMAL_K * self.std_mm
-            largest = int(np.argmax(change / u))
+            largest = int(np.argmax(ratio := change / (NORMAL_K * self.std_mm)))
             shown.append(
                 UnshownFault(
                     id=id,
@@ -333,7 +318,7 @@ class Diagnosis(Decision):
                     check=Reason.of("check", id=id),
                     change=float(change[largest]),
                     unit=machine.parameter_units[largest],
-                    matters=bool(np.any(change > u)),
+                    matters=bool(ratio[largest] > 1.0),
                 )
             )
         return tuple(shown)
@@ -347,8 +332,8 @@ class Diagnosis(Decision):
     def by_place(self) -> tuple[tuple[float, Fit], ...]:
         """Fits that are left open; of several each fault at every place where it may be.
 
-        Also patterns beyond the list that make it too costly to name the best cause; after a named
-        answer faults that would not show but matter.
+        Also patterns that make it too costly to name the best cause, and faults that would not
+        show but matter.
         """
         if self.verdict is Verdict.AMBIGUOUS:
             placed = (
@@ -417,15 +402,13 @@ class Diagnosis(Decision):
                 f"The machine file rules {id} out: its size under tolerances is 0.",
                 "Give it a size there if the machine may have it.",
             )
-        for named in self.causes:
-            if named.id == id and not named.recommended:
-                many = self.model.machine.vocabulary.many
-                raise UnusableResultError(
-                    f"Making {id} part of the machine's model is not recommended: it does not"
-                    f" last as it is, does not predict better than {many} only, or something else"
-                    " explains these data as well.",
-                    f"See what helps: {command('guide', id)}",
-                )
+        if any(named.id == id and not named.recommended for named in self.causes):
+            raise UnusableResultError(
+                f"Making {id} part of the machine's model is not recommended: it does not last as"
+                f" it is, does not predict better than {self.model.machine.vocabulary.many} only,"
+                " or something else explains these data as well.",
+                f"See what helps: {command('guide', id)}",
+            )
         if not accepted:
             raise UnusableResultError(
                 f"These data are {self.verdict}: they do not support {id} as an extension.",
@@ -443,9 +426,8 @@ class Diagnosis(Decision):
                 f" {', '.join(doubtful)}, which lies in the measurement.",
                 "Take the reading that diagnose names, then accept.",
             )
-        listed = self.listed
-        best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
-        if id not in best or not (best == accepted or self.is_open(best)):
+        best = next((ids for ids in self.listed if id in ids), ())
+        if not best or not (best == accepted or self.is_open(best)):
             raise UnusableResultError(
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
@@ -471,8 +453,7 @@ class Diagnosis(Decision):
     def enterable(self) -> float:
         """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
 
-        All that acts has to pass: U allows for it. Listed causes that act with it may stay, as
-        those that are named may, if they move no parameter by more than U.
+        It has to pass; listed causes that act with it may stay if they move nothing beyond U.
         """
         probability = 0.0
         for one, share in self.beyond_list.items() if self.described else ():
@@ -494,21 +475,18 @@ class Diagnosis(Decision):
         """The patterns themselves; none unless the verdict is that something beyond it acts."""
         if self.verdict is not Verdict.UNEXPLAINED or self.refuted is not None:
             return ()
-        total: dict[str, float] = {}
-        first: dict[str, tuple[Hypothesis, Hypothesis]] = {}  # as it is, and with that one last
+        holding = dict[str, list[Hypothesis]]()  # by the label of each pattern
         for hypothesis in self.beyond_list:
-            for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
-                others = tuple(one for one in hypothesis.patterns if one is not pattern)
-                last = replace(hypothesis, patterns=(*others, pattern))
-                first.setdefault(pattern.label, (hypothesis, last))
-                share = self.unlisted[hypothesis.label]
-                total[pattern.label] = total.get(pattern.label, 0.0) + share
-        acting, patterns = {one.label for one in next(iter(self.beyond_list)).patterns}, []
-        for label, (hypothesis, last) in first.items():
-            fit, before_mm = self.fit_of(last.ids), self.alone.rms_after_mm
-            known = total[label], label in acting, before_mm
-            after_mm = self.white.rms(residual_of(hypothesis, fit))
-            patterns.append(describe(last, fit, self.measured, *known, after_mm))
+            for pattern in hypothesis.patterns:
+                if pattern.how not in CAUSES:
+                    holding.setdefault(pattern.label, []).append(hypothesis)
+        likeliest, before_mm, patterns = next(iter(self.beyond_list)), self.alone.rms_after_mm, []
+        for label, (first, *others) in holding.items():
+            fit, last = self.fit_of(first.ids), lambda one, label=label: one.label == label
+            with_it_last = replace(first, patterns=tuple(sorted(first.patterns, key=last)))
+            share = sum(self.unlisted[one.label] for one in (first, *others))
+            known = share, first is likeliest, before_mm, self.white.rms(residual_of(first, fit))
+            patterns.append(describe(with_it_last, fit, self.measured, *known))
         return tuple(filter(None, patterns))
 
     @property
@@ -533,14 +511,13 @@ class Diagnosis(Decision):
     @cached_property
     def explained_mm(self) -> Floats:
         """Prediction of the accepted model, or with patterns, shape (n,)."""
-        white, fit = self.white, self.fit
-        left = fit.left
+        if not (self.acting or self.accepted):
+            return self.alone.predicted_mm
+        white, hypothesis = self.white, self.fit.hypothesis
         if self.acting:
             hypothesis = next(iter(self.beyond_list))
-            fit = self.fit_of(hypothesis.ids)
-            left = residual_of(hypothesis, fit)
-        elif not fit.effects:
-            return self.alone.predicted_mm
+        fit = self.fit_of(hypothesis.ids)
+        left = residual_of(hypothesis, fit)
         for effect in fit.effects:
             cause, place = effect.cause, effect.place
             if cause.exchanges and cause.reversible(white.plan, place):
@@ -558,7 +535,7 @@ class Diagnosis(Decision):
     def put_right(self) -> Measured:
         """The data without the named faults, and the patterns, that belong to this session alone.
 
-        Differences stay as they are, and so do readings in which a fault cannot be undone.
+        Differences stay as they are, as do readings in which a fault cannot be undone.
         """
         measured = self.measured
         if isinstance(measured, Differences):
@@ -697,13 +674,11 @@ def diagnose(
     """Say what the offsets-only model gets wrong, if anything.
 
     Args:
-        measured, model: the data, and what they are of, with the causes accepted already.
         holdout: later data that no fit may see.
-        applied: offsets entered in the controller before the held-out data, shape (3,) [mm].
-        then: the model at the time of the held-out data; None for the same.
-        sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
-            nothing, and that is left out.
-        recalibrated: the machine was calibrated again before the held-out data; models may say so.
+        applied: offsets entered in the controller before these, shape (3,) [mm].
+        then: the model at that time; None for the same.
+        sensitivity: also judge with all tolerances halved and doubled, unless all is well.
+        recalibrated: the machine was calibrated again before; models may say so.
 
     Raises UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """

@@ -58,24 +58,13 @@ class Columns:
 
     movers: Bools  # readings of each, (g, n)
     parts: Sequence[Floats]  # its columns at these, each (r, v, b)
-    number: Ints | None = None  # of the mover of each, (q,); None of what is no effect of a mover
+    number: Ints  # of the mover of each, (q,); none of what is no effect of a mover
     parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """Numbers of readings, shapes, and columns."""
-        shapes, columns = self.parts[0].shape[1:]
-        return self.movers.shape[1], shapes, columns * len(self.parts)
-
-    @property
-    def show(self) -> bool:
-        """True unless all are zero."""
-        return any(part.any() for part in self.parts)
 
     def written(self, shapes: Sequence[int] | Ints, chosen: Bools | np.bool_) -> Floats:
         """Some columns (q,) of some shapes, written out, (n, v, c)."""
         places = zip(*np.divmod(np.flatnonzero(chosen), self.parts[0].shape[2]), strict=True)
-        columns = np.zeros((self.shape[0], len(shapes), np.count_nonzero(chosen)))
+        columns = np.zeros((self.movers.shape[1], len(shapes), np.count_nonzero(chosen)))
         for number, (mover, part) in enumerate(places):
             columns[self.movers[mover], :, number] = self.parts[mover][:, shapes, part]
         return columns
@@ -90,14 +79,15 @@ class Columns:
 
     def squares(self, weight: Floats) -> Floats:
         """Cᵀ diag(w²) C of each shape C and weights (n,), shape (v, q, q)."""
-        _, v, q = self.shape
         blocks = []
         for mover, part in zip(self.movers, self.parts, strict=True):
             weighed = weight[mover, None, None] * part
             square = weighed[..., :, None] * weighed[..., None, :]
             block = self.movers[:, mover] @ square.reshape(len(part), -1)
             blocks.append(block.reshape(-1, *square.shape[1:]))
-        return np.stack(blocks).transpose(2, 0, 3, 1, 4).reshape(v, q, q)
+        shapes, width = self.parts[0].shape[1:]
+        square = np.stack(blocks).transpose(2, 0, 3, 1, 4)
+        return square.reshape(shapes, *[len(blocks) * width] * 2)
 
 
 class Shape(NamedTuple):
@@ -133,7 +123,7 @@ class Pattern:
         """ln weight of each shape, (v,): less if a listed cause makes it at a gauge."""
         log, chosen = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
         number = self.columns.number
-        if number is not None and len(np.unique(number[chosen])) == 1:
+        if len(number) and len(np.unique(number[chosen])) == 1:
             shapes = np.flatnonzero(self.chosen.any(axis=1))
             some = max(AT_ONCE // (len(self.at.white) * int(chosen.sum())), 1)
             for part in (shapes[start : start + some] for start in range(0, len(shapes), some)):

@@ -71,9 +71,9 @@ def _by_mover(plan: Plan, values: Floats, parameters: Floats | None = None) -> C
     return Columns(movers, [wide[mover] for mover in movers], number, parameters)
 
 
-def _everywhere(columns: Floats, number: Ints | None = None) -> Columns:
+def _everywhere(columns: Floats, movers: Sequence[int] | Ints = ()) -> Columns:
     """Columns (n, v, q) that may act on all readings."""
-    return Columns(np.full((1, len(columns)), True), [columns], number)
+    return Columns(np.full((1, len(columns)), True), [columns], np.array(movers, np.intp))
 
 
 def _clock(plan: Plan) -> tuple[Floats, float]:
@@ -139,23 +139,17 @@ def pattern_candidates(fit: Fit, *, fine: bool) -> list[list[Pattern]]:
 
     Plungers that lag are followed in rounds if looked at closely.
     """
-    at, white = fit.hypothesis.at, fit.hypothesis.at.white
-    predicted = at.versions[0] - at.residuals[0]
-
-    def lags(moved: Floats | float) -> Columns:
-        noise = white.machine.instrument.noise_mm
-        return _lags(white.plan, white.plain(predicted + moved), noise)
-
-    columns = lags(0.0) if white.raw else None
-    for _ in range(ROUNDS * (fine and columns is not None and columns.show)):
-        every = _candidates(at, columns, fine)
+    at, white, moved = fit.hypothesis.at, fit.hypothesis.at.white, np.zeros(1)
+    predicted, noise = at.versions[0] - at.residuals[0], white.machine.instrument.noise_mm
+    for rounds in range(ROUNDS if fine else 0, -1, -1):
+        expected = white.plain(predicted + moved)
+        every = _candidates(at, _lags(white.plan, expected, noise) if white.raw else None, fine)
         lagging = [patterns for patterns in every if patterns[0].how == "hysteresis"]
-        scores = scores_of(fit, lagging)
-        if not scores:
+        if not (rounds and lagging):
             break
-        offsets = extended(fit, scores[-1].patterns[0]).offsets
-        columns = lags(at.jacobian @ (offsets - at.offsets[0]))
-    return _candidates(at, columns, fine)
+        lag = scores_of(fit, lagging)[-1].patterns[0]
+        moved = at.jacobian @ (extended(fit, lag).offsets - at.offsets[0])
+    return every
 
 
 def _lags(plan: Plan, readings: Floats, noise_mm: float) -> Columns:
@@ -173,36 +167,28 @@ def _candidates(at: Linearised, lags: Columns | None, fine: bool) -> list[list[P
     """Every how at the wheres where it shows; `lags` are of plungers, None without an order."""
     white, plan = at.white, at.white.plan
     wheres, selected, _ = _wheres(plan.steps, white.raw)
-    every = {
-        how: _shown_of_plan(plan if how in PASSING else plan.steps, fine, how)
-        for how in PLANNED
-        if white.raw
-    }
+    more, hows = {"repeats": _repeats(plan, fine)}, 2
+    every = dict[str, tuple[Columns, Bools]]()
     if lags is not None:
-        kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
-        span = float(np.ptp(kelvin))
-        more = {
-            "hysteresis": lags,
-            "temperature": _by_mover(plan, kelvin / (span or 1.0), np.array([span])),
-        }
-    else:
-        more = {"repeats": _repeats(plan, fine)}
+        more, hows = {"hysteresis": lags}, len(PLANNED) + 3
+        for how in PLANNED:
+            every[how] = _shown_of_plan(plan if how in PASSING else plan.steps, fine, how)
+    if white.kelvin is not None and (span := float(np.ptp(white.kelvin))):
+        more["temperature"] = _by_mover(plan, white.kelvin / span, np.array([span]))
     for how, columns in more.items():
         every[how] = columns, _shown(white.matrix, plan, white.raw, columns)
-    share = math.log(UNLISTED / (len(every) + 1) / len(wheres))
     # More noise is no column: the readings that have it.
-    several = selected.sum(axis=1) > 2
-    noise = selected.T[:, None].astype(np.float64)
-    every["scatters"] = _everywhere(noise), np.diag(several)[:, None]
-    sizes = {"scatters": NOISIER[:: 1 if fine else 2]}
-    candidates = [
+    noise, several = selected.T[:, None].astype(np.float64), np.diag(selected.sum(axis=1) > 2)
+    every["scatters"] = _everywhere(noise), several[:, None]
+    share, sizes = math.log(UNLISTED / hows / len(wheres)), {"scatters": NOISIER[:: 2 - fine]}
+    candidates = (
         [
             Pattern(at, how, wheres[k], share, columns, chosen[k], sizes.get(how, SIZES))
             for k in np.flatnonzero(chosen.any(axis=(1, 2)))
         ]
         for how, (columns, chosen) in every.items()
-    ]
-    return [patterns for patterns in candidates if patterns]
+    )
+    return [*filter(None, candidates)]
 
 
 @functools.lru_cache(maxsize=8)
@@ -226,9 +212,8 @@ def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
 def _shown(matrix: Reduction, plan: Plan, ordered: bool, columns: Columns) -> Bools:
     """Return which columns of a how show at each where and at no narrower, (w, v, q)."""
     _, selected, covered = _wheres(plan.steps, ordered)
-    _, v, q = columns.shape
-    if not 0 < q <= MOST_COLUMNS or not columns.show:
-        return np.zeros((len(selected), v, q), np.bool_)
+    if len(columns.number) > MOST_COLUMNS or not any(part.any() for part in columns.parts):
+        return np.zeros((len(selected), 1, 1), np.bool_)
     square = np.diagonal(_power(columns, matrix), axis1=1, axis2=2)
     # Of each where those columns of which it holds all readings, of the largest movers.
     acting = replace(columns, parts=[part != 0.0 for part in columns.parts])
@@ -236,7 +221,7 @@ def _shown(matrix: Reduction, plan: Plan, ordered: bool, columns: Columns) -> Bo
     chosen = (square * SIZES[-1] ** 2 > 1.0) & (outside == 0.0)
     chosen = chosen & ~covered[:, None, columns.number]
     # What shows the same as a narrower where is no other pattern.
-    code = chosen @ (1 << np.arange(q))
+    code = chosen @ (1 << np.arange(chosen.shape[-1]))
     narrower = np.tri(len(code), k=-1, dtype=np.bool_)[..., None]
     repeated = np.any(narrower & (code[:, None] == code), axis=1)
     return np.asarray(chosen & ~repeated[..., None])
@@ -288,11 +273,10 @@ def at_usual_size(fit: Fit) -> Fit:
 def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
     """Gain of ln p at each where by each shape at each size, (w, v, s).
 
-    `chosen` are columns of the how at each where, (w, v, q); `one` is it at any; ln p at each σ
-    without it is `noise`, (g,).
+    `one` is the how at any where, `chosen` its columns at each, (w, v, q); ln p at each σ without
+    it is `noise`, (g,).
     """
-    (_, v, q), sizes, white = one.columns.shape, one.sizes, fit.white
-    axes, factors = fit.axes
+    sizes, white, (axes, factors) = one.sizes, fit.white, fit.axes
     lost = fit.textured(axes * np.sqrt(1.0 - factors**2))
     left = fit.textured(shrink(fit.whitened(fit.unexpected), axes, factors))
     along = one.columns.products(white.matrix.T @ np.column_stack((lost, left)))
@@ -301,12 +285,12 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Floats:
     power = power - taken @ taken.swapaxes(-1, -2)
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
     variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
-    shown = chosen.reshape(-1, q)
+    shown, shapes = chosen.reshape(-1, chosen.shape[2]), chosen.shape[1]
     gains, width = np.full((len(shown), len(sizes)), ABSENT), shown.sum(axis=1)
     # Those of as many columns together, since most have few.
     for count in {*width.tolist()} - {0}:
         rows = np.flatnonzero(width == count)
-        number, shape = np.nonzero(shown[rows])[1].reshape(-1, count), rows[:, None] % v
+        number, shape = np.nonzero(shown[rows])[1].reshape(-1, count), rows[:, None] % shapes
         inner = power[shape[..., None], number[:, :, None], number[:, None]]
         size2, along = inner[..., 0], match[shape, number]
         if count > 1:
@@ -405,10 +389,9 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
 
 
 def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> Floats:
-    """Columns of unit size of a shape of a pattern, where it acts under any plan, (n, q).
+    """Columns of unit size of a shape of a pattern under any plan, (n, q).
 
-    `readings` are expected there, (n,) [mm]. None of more noise, of a temperature that nobody knows
-    there, and of what is at one place.
+    `readings` are expected there, (n,) [mm]. None of more noise, unknown temperature, or one place.
     """
     if pattern.how in PLANNED:
         made = PLANNED[pattern.how](plan, True, np.array([shape.parameter]))
@@ -416,10 +399,11 @@ def under_plan(pattern: Pattern, shape: Shape, plan: Plan, readings: Floats) -> 
         made = _lags(plan, readings, pattern.at.white.machine.instrument.noise_mm)
     else:
         return np.zeros((len(plan), 0))
-    columns = made.written([0], np.full(made.shape[2], True))[:, 0]
-    nowhere = np.zeros(len(plan), np.bool_)
-    rows = next((rows for where, rows in plan.wheres(True) if where == pattern.where), nowhere)
-    return columns[:, columns.any(axis=0) & ~columns[~rows].any(axis=0)]
+    columns = made.written([0], np.full(len(made.number), True))[:, 0]
+    for where, rows in plan.wheres(True):
+        if where == pattern.where:
+            return columns[:, columns.any(axis=0) & ~columns[~rows].any(axis=0)]
+    return columns[:, :0]
 
 
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
@@ -464,7 +448,7 @@ def placed_causes(at: Linearised) -> list[list[Pattern]]:
             continue
         unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
         columns = _everywhere(unit * places.patterns.columns(slice(None))[:, :, None])
-        shown, sizes = np.full(columns.shape[1:], True), np.array(BLUNDER_SCALES)
+        shown, sizes = np.full((len(places), 1), True), np.array(BLUNDER_SCALES)
         log_prior = at.candidates.log_prior[(id,)]
         candidates.append([Pattern(at, id, {}, log_prior, columns, shown, sizes)])
     return candidates
@@ -472,14 +456,13 @@ def placed_causes(at: Linearised) -> list[list[Pattern]]:
 
 def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
     """Fits with a hypothesis' patterns, at each likely shape of the last, and their shares."""
-    fit = at_usual_size(fit)
-    *before, last = hypothesis.patterns
-    for pattern in before:
-        fit = extended(fit, pattern)
-    shares = np.array([shape.share for shape in last.shapes])
-    shares = (shares / shares.sum()).tolist()
-    fits = (extended(fit, last, k).with_effects(fit.effects) for k in range(len(shares)))
-    return [*zip(shares, fits, strict=True)]
+    *others, last = hypothesis.patterns
+    before = functools.reduce(extended, others, at_usual_size(fit))
+    total = sum(shape.share for shape in last.shapes)
+    return [
+        (shape.share / total, extended(before, last, number).with_effects(fit.effects))
+        for number, shape in enumerate(last.shapes)
+    ]
 
 
 def residual_of(hypothesis: Hypothesis, fit: Fit) -> Floats:
@@ -532,25 +515,22 @@ def describe(
 ) -> FoundPattern | None:
     """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ.
 
-    `base` is the fit of its listed causes. The calibrated parameters alone leave `before_mm`, all
-    that acts leaves `after_mm`.
+    `base` is the fit of its listed causes. The offsets alone leave `before_mm`, all that acts
+    `after_mm`.
     """
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     how, plan = pattern.how, white.plan
-    fits, before = fits_of(hypothesis, base), at_usual_size(base)
-    for other in hypothesis.patterns[:-1]:
-        before = extended(before, other)
-    after = fits[0][1]
+    fits, others = fits_of(hypothesis, base), hypothesis.patterns[:-1]
+    before, after = functools.reduce(extended, others, at_usual_size(base)), fits[0][1]
     rows = next(rows for where, rows in plan.wheres(white.raw) if where == pattern.where)
     gauges = list(_gauges(pattern, fits, rows))
     if not gauges:
         return None
     _, size, std, _ = max(gauges, key=lambda gauge: abs(gauge[1]))
-    kelvin, unit = how == "temperature", "mm/K" if how == "temperature" else "mm"
+    unit = "mm/K" if how == "temperature" else "mm"
     parameters = [
-        Estimate(name=name, unit=unit, value=value / by, std=spread / abs(by))
+        Estimate(name=name, unit=unit, value=value / span, std=spread / abs(span))
         for name, value, spread, span in gauges
-        for by in [span if kelvin else 1.0]
     ]
     where, start, between = dict(pattern.where), None, tuple[Where, ...]()
     heldout, late = None, None
@@ -646,7 +626,7 @@ def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Ite
 def _gauges(
     pattern: Pattern, fits: _Fits, rows: Bools
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Effect on each gauge: name, peak to peak, its standard deviation [mm], and span [K].
+    """Effect on each gauge: name, peak to peak, its standard deviation [mm], span [K] or 1.
 
     Positive where the later of the two readings is the larger. More noise is one for all.
     """
@@ -660,7 +640,6 @@ def _gauges(
         return
     fit, columns = fits[0][1], shapes[0].columns
     effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
-    by = 1.0 if pattern.columns.parameters is None else float(pattern.columns.parameters[0])
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
         read = np.flatnonzero(plan.shared == gauge)
         ends = read[effect[read].argmin()], read[effect[read].argmax()]
@@ -670,14 +649,15 @@ def _gauges(
             mean, std = _sizes(fits, apart)
             entry = plan.entry(int(first))
             name = f"{entry['direction']}_{entry['leg']}" if "leg" in entry else "readings"
-            yield name, float(mean[0]), float(std[0]), by * float(apart[0].sum())
+            kelvin = pattern.how == "temperature"
+            span = shapes[0].parameter * float(apart[0].sum()) if kelvin else 1.0
+            yield name, float(mean[0]), float(std[0]), span
 
 
 def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, float] | None:
-    """Errors of predicting some readings, one of the cells (n,) left out at a time, r.m.s. [mm].
+    """Errors of predicting some readings, without and with the pattern, r.m.s. [mm].
 
-    Those of a cell below 0 stay. Without and with the pattern; None where no reading has another
-    cell.
+    One of the cells (n,) is left out at a time, none below 0; None where there are no two.
     """
     blocks = [block for block in left_out(before.white, (), cells) if cells[block[0]] >= 0]
     if len(np.unique(cells)) < 2 or not any(rows[block].any() for block in blocks):

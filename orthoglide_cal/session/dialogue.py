@@ -193,10 +193,9 @@ class Dialogue:
             self._say_offsets()
 
     def run(self) -> None:
-        """Lead through what is left.
+        """Lead through what is left. Raises InputError: the journal cannot be written any more.
 
-        Raises Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
-        InputError: the journal cannot be written any more.
+        Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
         """
         self.offer_again()
         while self.state.ended is None:
@@ -751,10 +750,9 @@ def _check_options(request: Request) -> None:
 
 
 def _first_records(request: Request, asker: Asker) -> list[events.Event]:
-    """The first records, once the operator has agreed to the machine and its active offsets.
+    """The first records, once machine, offsets and any recommended measurement are agreed to.
 
-    And to the measurement that is recommended, if one is to be carried out. Nobody is asked who
-    has agreed already, or has no terminal.
+    Nobody is asked who has agreed already, or has no terminal.
     """
     first, following, change = None, None, ""
     session = GuidedSession().changed(**request.session)

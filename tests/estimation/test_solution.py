@@ -121,8 +121,8 @@ def test_all_of_10_000_random_offsets_converge_from_zero(
     assert np.abs(fit.offsets_mm - offsets).max() < 1e-9
 
 
-def test_steps_that_go_astray_are_shortened() -> None:
-    """At 40 mm of scatter plain Gauss–Newton steps lose 5 % of these sets, shorter ones 0.2 %."""
+def test_steps_that_go_astray_are_damped() -> None:
+    """At 40 mm of scatter plain Gauss–Newton steps lose 5 % of these sets, damped ones 0.2 %."""
     problem = problem_of(SIX, NOMINAL)
     # 5 mm that no offsets explain, a blunder in every reading: all converge.
     assert np.all(fit_offsets(problem, np.random.default_rng(1).normal(0, 5, (2000, 6))).converged)

@@ -63,6 +63,11 @@ def test_inches_and_no_thousands(tmp_path, unit, cell, mm):
     assert read.value.tolist() == [mm]
 
 
+def test_one_row_may_be_in_mm_and_another_in_inches(tmp_path):
+    read = readings(tmp_path, f"{HEAD},reading_in\nx,iso,y,0.1,\nx,max,y,,-0.01\n")
+    assert read.value.tolist() == [0.1, -0.254]
+
+
 def test_everything_is_collected_in_the_order_of_lines(tmp_path):
     text = f"{HEAD},seq\nq,iso,w,x,1\nx,iso,y,0.1,1\nx,99,x,,1\n"
     assert places(problems(measured, tmp_path, text)) == [
