@@ -100,8 +100,8 @@ class Budget:
     @cached_property
     def dof(self) -> float:
         """Effective degrees of freedom u⁴/Σ(uᵢ⁴/νᵢ), of the offset that has the fewest."""
-        spent = sum(np.array(part.std) ** 4 / part.dof for part in self.contributions)
-        worst = float(np.max(spent / self.std_mm**4))
+        spent = sum(p.covariance_mm2.diagonal() ** 2 / p.dof for p in self.contributions)
+        worst = float(np.max(spent / self.covariance_mm2.diagonal() ** 2))
         return 1.0 / worst if worst > 0.0 else math.inf
 
     @cached_property
@@ -127,13 +127,9 @@ def budget_of(
     uncertain: Iterable[Influence],
     precision: Floats | float = 1.0,
 ) -> Budget:
-    """The budget of offsets that a linear estimator makes of readings.
+    """The budget of offsets that a linear estimator (3, n) makes of readings, of precision (n,).
 
-    Args:
-        estimator: what a small change of each reading does to the offsets, shape (3, n).
-        scatter: of one reading, as found; None takes what is stated of the gauge.
-        uncertain: what acts on the readings in addition to noise.
-        precision: of each reading, as of a `Plan`, shape (n,).
+    The scatter is that of one reading, as found; None takes what is stated of the gauge.
     """
     moved, rounding = estimator / precision, gauge.rounding_mm
     evaluation, noise2, dof, dof_of_rounding = "B", gauge.repeatability_mm**2, math.inf, math.inf
@@ -211,8 +207,7 @@ def _influences(
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     """Causes taken as the controller has it, although nobody knows it exactly.
 
-    A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
-    in any case. Arguments as of `influences`.
+    A diagnosis may contradict it; the parameters found have its uncertainty in any case.
     """
     return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 

@@ -137,10 +137,6 @@ class Mixture(ReadOnly):
         spread = np.linalg.slogdet(covariance)[1][:, None]
         return np.asarray(-0.5 * ((white**2).sum(axis=-2) + spread))
 
-    def log_density(self, values: Floats, rows: Ints) -> Floats:
-        """ln p of the same, whichever explanation holds, shape (q,)."""
-        return log_sum(self.log_weight + self.by_explanation(values, rows), 0)
-
     def given(self, values: Floats, rows: Ints, others: Ints) -> Mixture:
         """The prediction of the values at `others` once those at `rows`, (k, q), are known."""
         seen, shared, prior = (

@@ -180,10 +180,7 @@ class Problem(ReadOnly):
         return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
 
     def weighted(self, ratio: Floats) -> Problem:
-        """The same of contrasts whose covariance is σ² (I + C Cᵀ/σ²), made independent.
-
-        `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
-        """
+        """The same of contrasts of covariance I + C Cᵀ, C (k, p) in σ, made independent."""
         assert isinstance(self.matrix, Contrasts)
         return replace(self, matrix=altered(self.matrix, shrunk=shrinking(ratio)))
 
@@ -224,10 +221,7 @@ class Problem(ReadOnly):
         return np.asarray(moved @ moved.swapaxes(-1, -2))
 
     def whitened(self, ratio: Floats, *values: Floats) -> tuple[Floats, ...]:
-        """Values, each (k,) or (k, q), made independent if their covariance is R Rᵀ + C Cᵀ.
-
-        `ratio` is C, shape (k, c), in standard deviations of one reading.
-        """
+        """Values, (k,) or (k, q), of covariance R Rᵀ + C Cᵀ, C (k, c) in σ, made independent."""
         if not isinstance(self.matrix, Contrasts):
             return whiten(self.covariance() + ratio @ ratio.T, *values)
         return whiten_shared(ratio, *values)
@@ -299,8 +293,7 @@ class LeastSquaresFit(ReadOnly):
 def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
     """Minimise |d − R·h(Δρ)|² for each data set d, shape (..., k) [mm], of one problem.
 
-    `start` are first offsets, shape (..., p) [mm]; zero if None. Look at `converged` before using a
-    number of the fit.
+    From `start`, (..., p) [mm], or zero. Look at `converged` before using a number of the fit.
     """
     batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
     count, width = len(flat), len(problem.model.machine.parameter_names)
@@ -333,9 +326,8 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         jacobian[moved] = slope[better]
         step[moved] = normal_step(jacobian[moved], residual[moved])
         left[moved] = problem.length(jacobian[moved], step[moved])
-        more = np.maximum(10.0 * damping[which], FIRST_DAMPING)
-        less = damping[which] / 10.0
-        damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
+        less = np.where(damping[which] < 10.0 * FIRST_DAMPING, 0.0, damping[which] / 10.0)
+        damping[which] = np.where(better, less, np.maximum(10.0 * damping[which], FIRST_DAMPING))
     last = np.where(left <= SHORT_STEP, step.T, 0.0).T
     offsets += last
     residual -= (jacobian @ last[..., None])[..., 0]
@@ -377,10 +369,7 @@ class Method(StrEnum):
 
 
 def choose_method(measured: Measured, name: str | None) -> Method:
-    """The method asked for, or the default for this kind of data.
-
-    Raises UsageError: unknown name, or a method that these data cannot feed.
-    """
+    """The method of this name, or the default; raises UsageError: not one for these data."""
     if name is None:
         return Method(measured.kind)
     usable = [method for method in Method if method.uses in measured.kinds]
@@ -399,10 +388,7 @@ def table_kind(measured: Measured) -> DataKind:
 
 @functools.lru_cache(maxsize=8)
 def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
-    """The problem that a method makes of readings, whatever these will be.
-
-    Differences that the plan lacks are left out.
-    """
+    """The problem that a method makes of readings, without differences that the plan lacks."""
     if kind is DataKind.READINGS:
         return Problem(model, plan, zero_free(plan))
     wanted = DIFFERENCES[kind]
@@ -411,10 +397,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> Problem:
 
 
 def pose(measured: Measured, model: Model, kind: DataKind) -> tuple[Problem, Floats]:
-    """Reduce the data to what is compared with the model, of a kind that can be made of them.
-
-    The problem, and its data (k,) [mm]. Differences that they lack are left out.
-    """
+    """The problem of a kind that the data can feed, without what they lack; its data (k,) [mm]."""
     if isinstance(measured, Readings):
         problem = pose_plan(measured.plan, model, kind)
         return problem, problem.matrix @ measured.value
@@ -478,10 +461,9 @@ def require_rank(problem: Problem) -> None:
 
 
 def require_determined(problem: Problem) -> None:
-    """Refuse data that tell no more of a parameter than is known of any such machine.
+    """Raise UnusableResultError if data tell no more of a parameter than of any such machine.
 
-    On the nominal machine with the stated noise: what a search must stand on. Raises as
-    `require_rank`.
+    On the nominal machine with the stated noise: what a search must stand on.
     """
     machine, estimator = problem.model.machine, np.linalg.pinv(problem.at_zero[1])
     std = machine.instrument.noise_mm * np.sqrt(np.diag(problem.spread(estimator)))
@@ -503,10 +485,7 @@ def require_optimum(problem: Problem, fit: LeastSquaresFit) -> LeastSquaresFit:
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
-    """Raises UnusableResultError for the parameters that are `free`, shape (p,).
-
-    With the fewest differences that complete the rank.
-    """
+    """Raise UnusableResultError for `free` parameters (p,), with the fewest differences to add."""
     machine, matrix = problem.model.machine, problem.at_zero[1]
     fault = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
     fault = f"These readings do not determine {fault}."

@@ -166,7 +166,7 @@ class Fit(ReadOnly):
         """Indices of the readings that it calls wrong by an unknown amount."""
         return sum((effect.place for effect in self.effects if effect.cause.hides_reading), ())
 
-    @property
+    @cached_property
     def first_uncertain(self) -> int:
         """Index of the first unknown that is of what is uncertain of the data."""
         widths = (influence.columns.shape[1] for influence in self.uncertain)
@@ -179,12 +179,12 @@ class Fit(ReadOnly):
         local = np.repeat([influence.local for influence in self.uncertain], widths)
         return read_only(np.append(np.zeros(self.first_uncertain), local), np.bool_)
 
-    @property
+    @cached_property
     def rest(self) -> float:
         """Variance of a reading by what of a local shape is too fine to be described [mm²]."""
         return self.scale_factor**2 * sum(influence.rest for influence in self.uncertain)
 
-    @property
+    @cached_property
     def stated(self) -> float:
         """Standard deviation of a reading as stated, that included [mm]."""
         return math.hypot(self.noise.stated, math.sqrt(self.rest))
@@ -345,10 +345,7 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
 
 
 def _settle(fit: Fit) -> Fit:
-    """The fit with what is uncertain of the data as it acts on a machine with these causes.
-
-    What a stand's place does to the readings depends on how the touched surface lies.
-    """
+    """The fit with what is uncertain of the data as it acts on a machine with these causes."""
     at, derivatives, width = fit.hypothesis.linearised, fit.derivatives, len(fit.start)
     caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
     stands = any(influence.source == Origin.GAUGE_PLACEMENT for influence in fit.uncertain)
@@ -433,10 +430,8 @@ def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
 
     Errors of different blocks depend on each other: the square of n of them has the mean n and the
     variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and
-    Satterthwaite). Of the few differences of a table nothing is asked.
-
-    Returns:
-        Which they are, (m,), the errors, weighed as in `Whitened.rms`, (m,), and all together.
+    Satterthwaite). Of the few differences of a table nothing is asked. Returns which they are,
+    (m,), the errors, weighed as in `Whitened.rms`, (m,), and all together.
     """
     white = fit.white
     # S⁻¹ = (I − A Aᵀ)/σ²
