@@ -328,7 +328,7 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools, noise: Floats) -> Flo
     some = rows[:, ~everywhere].T
     by_where = []
     # A bed has more unknowns than a where of it readings; of gauges all wheres at once.
-    for part in [some] if texture is None else some[:, None]:
+    for part in [some] if texture is None and len(some) else some[:, None]:
         # With less weight of some readings, by the eigenvalues of their part of the hat matrix.
         here = columns[part[0]]
         if len(part) == 1 and len(here) < here.shape[1]:

@@ -18,6 +18,7 @@ from orthoglide_cal.estimation.gaussian import mixture, probabilities
 from orthoglide_cal.inference.belief import Evidence
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.inference.patterns import pattern_candidates, scores_of
 from orthoglide_cal.inference.sessions import SPREADS, DatedValues, Part, Trend, TrendFit, _fit
 from orthoglide_cal.losses import state
 from orthoglide_cal.schema import Reason
@@ -70,6 +71,14 @@ def test_verdicts(line: str) -> None:
     verdict, shares = line.split("|")
     made = {name: float(share) for name, share in (one.split("=") for one in shares.split())}
     assert said(decision(**made)) == verdict.strip()
+
+
+def test_more_noise_of_all_readings_needs_no_other_where() -> None:
+    fit = session().fit_of(())
+    every = pattern_candidates(fit, fine=False)
+    (noise,) = (patterns for patterns in every if patterns[0].how == "scatters")
+    (score,) = scores_of(fit, [[one for one in noise if not one.where]])
+    assert score.log_evidence == pytest.approx(session().patterned["scatters"].log_evidence)
 
 
 def test_under_a_refuted_name_as_much_may_return_as_is_left() -> None:
