@@ -67,7 +67,7 @@ class Reason(Schema):
 
     @model_serializer
     def sentence(self, info: SerializationInfo) -> str:
-        """By the context of the dump, which composes it; the code without."""
+        """The sentence that the dump's context composes, or the code."""
         return info.context(self) if callable(info.context) else self.code
 
 
@@ -123,10 +123,8 @@ def yaml_number(value: object) -> float:
     if not isinstance(value, str):
         raise InputError("This must be a number.", "Write a plain number such as 310.25.")
     if _OCTAL.fullmatch(value.strip()):
-        raise InputError(
-            "A whole number with a leading zero is ambiguous (YAML reads it as octal).",
-            "Write it without the leading zero.",
-        )
+        fault = "A whole number with a leading zero is ambiguous (YAML reads it as octal)."
+        raise InputError(fault, "Write it without the leading zero.")
     return parse_number(value)
 
 
@@ -139,15 +137,13 @@ def whole_number(least: int) -> BeforeValidator:
 
 def _version(value: object) -> object:
     if value not in (1, "1"):
-        raise InputError(
-            "This version of the file format is not known.",
-            "Write 1, or use the orthocal that wrote the file.",
-        )
+        fault = "This version of the file format is not known."
+        raise InputError(fault, "Write 1, or use the orthocal that wrote the file.")
     return 1
 
 
 def text_that(passes: Callable[[str], object], fault: str, remedy: str) -> AfterValidator:
-    """A text that passes: of others the check is false, or raises ValueError."""
+    """A text that passes a check, which is false or raises ValueError for others."""
 
     def check(text: str) -> str:
         with suppress(ValueError):

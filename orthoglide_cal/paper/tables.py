@@ -152,10 +152,8 @@ def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.G
         noise = SIGMA_MM * rng.standard_normal((RUNS, len(plan)))
         fit = fit_offsets(problem, (signal + noise) @ problem.matrix.T)
         if not np.all(fit.converged):
-            raise UnusableResultError(
-                f"{np.sum(~fit.converged)} of {RUNS} solves did not reach their optimum.",
-                "Use less noise or smaller offsets.",
-            )
+            fault = f"{np.sum(~fit.converged)} of {RUNS} solves did not reach their optimum."
+            raise UnusableResultError(fault, "Use less noise or smaller offsets.")
         stds[k] = np.sqrt(fit.offsets_mm.var(axis=0, ddof=1).mean())
     return stds
 

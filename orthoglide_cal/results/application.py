@@ -216,7 +216,8 @@ def file_to_record_in(
 ) -> StoredMachine | None:
     """The machine file that records what is entered; a new one where a printer has none yet.
 
-    None: there has to be one. Raises UsageError: only the controller's file would hold it.
+    None: there has to be one. Raises UsageError: only the controller's file would hold it;
+    UnusableResultError as `check_measured`.
     """
     check_measured(given, file, to_controller=controller is not None)
     if recording(given) == "elsewhere":

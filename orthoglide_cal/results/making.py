@@ -84,7 +84,7 @@ def answer_to(
         corrects: ids that the controller is to correct, too: those hold no release.
         dates: of which the input is made, oldest first.
 
-    Raises UsageError, InputError as `solve`.
+    Raises UsageError, InputError as `solve`; of a result that must not be used the answer says so.
     """
     measured, model = given.measured, given.model
     machine, conditions = model.machine, validity(given)
