@@ -298,8 +298,8 @@ class Placed:
     def columns(self, place: Place) -> Floats:
         """W·pattern of one unit at a place, of several readings for each, (k, p) [mm]."""
         assert self.patterns is not None
-        numbers = place if self.cause.hides_reading else (self.tried.index(place),)
-        return np.hstack([self.patterns.columns(slice(n, n + 1)) for n in numbers])
+        hidden = self.cause.hides_reading
+        return self.patterns.columns([*place] if hidden else [self.tried.index(place)])
 
     @cached_property
     def weights(self) -> Floats:

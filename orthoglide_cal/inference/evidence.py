@@ -145,7 +145,7 @@ class Places(ReadOnly):
         taken = self.patterns.products(precision * self.reduction.zeros)
         return read_only(self.patterns.squares(precision) - (taken**2).sum(axis=1))
 
-    def columns(self, chosen: slice) -> Floats:
+    def columns(self, chosen: slice | Sequence[int]) -> Floats:
         """Some of them, written out, shape (k, q)."""
         return self.reduction @ self.patterns.columns(chosen)
 

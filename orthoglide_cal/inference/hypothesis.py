@@ -119,18 +119,20 @@ class Pattern:
     gain: float = 0.0
 
     @cached_property
-    def log_share(self) -> Floats:
-        """ln weight of each shape, (v,): less if a listed cause makes it at a gauge."""
-        log, chosen = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
-        number = self.columns.number
+    def _log_share(self) -> Floats:
+        return np.full(len(self.chosen), np.nan)  # of those that were not asked for
+
+    def log_share(self, likely: Bools) -> Floats:
+        """ln weight of likely shapes, (v,): less if a listed cause makes it at a gauge; 0 else."""
+        log, chosen, number = self._log_share, self.chosen.any(axis=0), self.columns.number
         if len(number) and len(np.unique(number[chosen])) == 1:
-            shapes = np.flatnonzero(self.chosen.any(axis=1))
+            shapes = np.flatnonzero(self.chosen.any(axis=1) & likely & np.isnan(log))
             some = max(AT_ONCE // (len(self.at.white) * int(chosen.sum())), 1)
             for part in (shapes[start : start + some] for start in range(0, len(shapes), some)):
                 made = self.columns.written(part, chosen)
                 shown = self.at.white.matrix @ made.reshape(len(made), -1)
                 log[part] = LISTED * self.at.lists(shown.reshape(-1, *made.shape[1:]))
-        return log
+        return np.nan_to_num(log)
 
     @cached_property
     def shapes(self) -> list[Shape]:

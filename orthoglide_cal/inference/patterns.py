@@ -30,6 +30,7 @@ from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
+    LOST,
     Columns,
     Hypothesis,
     Pattern,
@@ -425,7 +426,8 @@ def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothe
         number = np.log(len(one.sizes) * np.count_nonzero(chosen.any(axis=2), axis=1))
         gained = log_sum(by_shape, (1, 2)) - number
         for k in np.flatnonzero(gained > 0.0).tolist():  # else whatever makes it is not there
-            log_shape[k] += patterns[k].log_share[:, None]
+            likely = log_shape[k].max(axis=1) > log_shape[k].max() - LOST
+            log_shape[k] += patterns[k].log_share(likely)[:, None]
             gained[k] = log_sum(log_shape[k]) - number[k]
         best = log_shape.reshape(len(rows), -1).argmax(axis=1)
         best = by_shape.reshape(len(rows), -1)[rows, best].tolist()

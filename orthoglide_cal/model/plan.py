@@ -5,7 +5,7 @@ It holds no measured value. Readings may share unknown zeros and differ in preci
 
 import functools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -293,17 +293,17 @@ class Patterns(ReadOnly):
         single = Patterns(self.plan, self.reading, self.onward, self.other**2)
         return np.asarray(single.products(weight2)[:, 0])
 
-    def columns(self, chosen: slice) -> Floats:
-        """Some of the columns, written out, shape (n, q)."""
-        reading, onward = self.reading[chosen], self.onward[chosen]
+    def columns(self, chosen: slice | Sequence[int]) -> Floats:
+        """Some of the columns in their order, written out, shape (n, q)."""
+        numbers, before = np.arange(len(self))[chosen], len(self.reading)
+        single = numbers[numbers < before]
+        reading, onward = self.reading[single], self.onward[single]
         plan, index = self.plan, np.arange(len(self.plan))[:, None]
         later = (plan.shared[:, None] == plan.shared[reading]) & (
             plan.order[:, None] >= plan.order[reading]
         )
         first = np.where(onward, later, index == reading).astype(np.float64)
-        start, stop, _ = chosen.indices(len(self))
-        before = len(self.reading)
-        return np.hstack((first, self.other[:, max(start - before, 0) : max(stop - before, 0)]))
+        return np.hstack((first, self.other[:, numbers[len(single) :] - before]))
 
 
 def later_sums(plan: Plan, values: Floats) -> Floats:
