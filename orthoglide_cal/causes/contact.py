@@ -167,9 +167,9 @@ class _Surface(Cause):
         x, y, _ = np.moveaxis(where, -1, 0)
         # The first terms alone where fewer are given, as files of old have them.
         sizes = effect.theta @ self._terms[: effect.theta.shape[-1]]
+        across, along = (np.cumprod([np.ones_like(one), *[one] * 6], axis=0) for one in (x, y))
         shape = sum(
-            sizes[..., k, None] * x**across * y**along
-            for k, (across, along) in enumerate(self._powers)
+            sizes[..., k, None] * across[p] * along[q] for k, (p, q) in enumerate(self._powers)
         )
         return np.asarray(readings + plan.touches * shape)
 

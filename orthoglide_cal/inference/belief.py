@@ -24,8 +24,8 @@ from orthoglide_cal.model.model import Model
 
 # So many likely patterns are combined with causes that have a place.
 LIKELY = 5
-# Fits of several causes are kept up to so many readings in all; that of a longer session is large.
-KEPT = 1 << 18
+# Fits of causes are kept up to so many readings in all; that of a longer session is large.
+KEPT = 1 << 15
 
 
 class Evidence(NamedTuple):
@@ -113,9 +113,9 @@ class Belief:
         """The nonlinear fit of a set of causes."""
         fit = self._kept.pop(ids, None) or fit_hypothesis(self.hypotheses[ids])
         self._kept[ids] = fit
-        several = [one for one in self._kept if len(one) > 1]
-        if len(several) * len(self.white) > KEPT:
-            del self._kept[several[0]]
+        some = [one for one in self._kept if one]
+        if len(some) * len(self.white) > KEPT:
+            del self._kept[some[0]]
         return fit
 
     @property

@@ -19,7 +19,7 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import MISFIT, Fit
-from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
+from orthoglide_cal.inference.hypothesis import LOST, Hypothesis, score_all
 from orthoglide_cal.inference.patterns import PASSING, fits_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.losses import (
@@ -74,10 +74,11 @@ class Decision(Belief):
     refuted: Reason | None = None
 
     def scaled(self, factor: float) -> Self:
-        """The same data, patterns and several wrong readings; all plausible sizes multiplied."""
+        """The same data, patterns and wrong readings; all plausible sizes multiplied."""
         at = replace(self.at, white=self.at.white.scaled(factor, CAUSES.values()))
-        wrong = max(self.hypotheses.values(), key=attrgetter("log_weight")).wrong_readings
-        anew = score_all(at, wrong if len(wrong) > 1 else ())
+        wrong = (one for one in self.hypotheses.values() if one.wrong_readings)
+        likeliest = max(wrong, key=attrgetter("log_weight"), default=None)
+        anew = score_all(at, likeliest.wrong_readings if likeliest else ())
         return replace(self, at=at, hypotheses=anew, fits={}, _kept={}, repeats=False, refuted=None)
 
     def settled(self) -> Self:
@@ -106,7 +107,10 @@ class Decision(Belief):
         likely = [ids for ids in listed if ids and listed[ids] >= least]
         pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
         wanted = [ids for pair in pairs for ids in pair]
-        for _ in range(FITS):
+        # No fit of listed causes makes up for what a pattern explains beyond the best of them.
+        patterns = (one.log_weight for one in decision.patterned.values())
+        hopeless = max(patterns, default=-math.inf) > max(decision.log_weight.values()) + LOST
+        for _ in range(0 if hopeless else FITS):
             wanted += (decision.best, *decision.rival_sets)
             if decision.fits.keys() >= set(wanted):
                 break
@@ -120,11 +124,12 @@ class Decision(Belief):
         """True if patterns looked at closely may change the statement.
 
         Several causes, or several wrong readings, follow most patterns; one, alone or with the
-        accepted cause, may make it a wrong name.
+        accepted cause, may make it a wrong name. Where they were looked at closely and nothing else
+        explains the data, other tolerances show no others.
         """
         accepted = self.accepted
         if not accepted:
-            return self.verdict is Verdict.UNEXPLAINED
+            return self.verdict is Verdict.UNEXPLAINED and True not in self._tried
         if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
             return True
         patterns = (*self.patterned.values(), *self.beside(self.hypotheses[accepted]))

@@ -41,9 +41,9 @@ SHAPES, SHARE = 12, 0.01
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
 # each costs a pass over the readings.
 SHARE_WRONG, MOST_WRONG = 10, 40
-# They are looked for with so many of the likeliest sets, beyond that many readings with one; the
-# same are then wrong with all others.
-SEARCHED, FEW = 3, 1000
+# They are looked for with so many of the likeliest sets, and the same are then wrong with all
+# others; beyond that many readings with one set, none is taken back, and so many others follow.
+SEARCHED, FEW, OTHERS = 3, 1000, 16
 # A further reading is wrong as a second cause acts, independently of the first.
 LOG_FURTHER = math.log(TWO_CAUSES / ONE_CAUSE)
 
@@ -281,11 +281,13 @@ def _wrong(
         both = density_of(at, pairs, at.usual)
         likelier += _at_best_place(at, pairs, placed, both, both.log_density(at.residuals[:1].T))
     likelier.sort(key=attrgetter("log_weight"), reverse=True)
-    searched = 0 if known else SEARCHED if len(at.white) <= FEW else 1
+    few = len(at.white) <= FEW
+    searched = 0 if known else SEARCHED if few else 1
     best, rest = [_several_wrong(at, one) for one in likelier[:searched]], likelier[searched:]
     if others := (known or max(best, key=attrgetter("log_weight")).wrong_readings)[:-1]:
-        more = ((score, _further(at, score, others)) for score in rest)
-        rest = [max(pair, key=attrgetter("log_evidence")) for pair in more]
+        for number, score in enumerate(rest if few else rest[:OTHERS]):
+            more = _further(at, score, others)
+            rest[number] = max(score, more, key=attrgetter("log_evidence"))
     return best + rest
 
 
@@ -303,7 +305,7 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
             break
     score = best
     # What stood for others at first may be right.
-    for number in best.wrong_readings[:-1]:
+    for number in best.wrong_readings[:-1] if len(at.white) <= FEW else ():
         kept = tuple(other for other in score.wrong_readings if other != number)
         score = max(score, _further(at, score, kept[:-1]), key=attrgetter("log_evidence"))
     return score
