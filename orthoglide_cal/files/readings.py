@@ -106,7 +106,8 @@ def _posture(text: str, info: ValidationInfo) -> str:
 
 def _entered(value: str | Sequence[object], info: ValidationInfo) -> tuple[float, ...]:
     texts = value.split() if isinstance(value, str) else value
-    offsets = tuple(_length(text, info) for text in texts)
+    # The keys of a group are no offsets.
+    offsets = tuple(_length(text, info) for text in texts) if isinstance(texts, Sequence) else ()
     if len(offsets) != len(AXES):
         fault = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
         raise InputError(fault, "Write mm with blanks between them, such as 0.5 0 0.")
@@ -266,7 +267,7 @@ class Table(Content):
 
     Each is column → text of cells that are not empty. The header says what separates cells:
     guessing goes wrong on `1,234;5,678`. Lines that start with # or, as in Excel, with sep= are
-    skipped; but below a first column that may hold free text this would lose a reading.
+    skipped; after the header only if the first column holds no free text, which may start so.
     """
 
     of_table = True
@@ -402,9 +403,10 @@ class Rows(Generic[R]):
         words = {f"missing {name}": (missing, remedy) for name, remedy in schema.needed.items()}
         if isinstance(content, Table):
             content.check_header(schema)
-        entries = content.at(path) or []
+        entries = content.at(path)
         if not isinstance(entries, list):
-            content.note(path, *WORDS["list_type"])
+            if entries is not None:
+                content.note(path, *WORDS["list_type"])
             entries = []
         self.lines = [content.lines[*path, index] for index in range(len(entries))]
         for index, entry in enumerate(entries):
@@ -502,9 +504,7 @@ def readings_in(
     """
     longest = dict.fromkeys(("reading_mm", "entered"), machine.leg_mm)
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
-    for index, cells in enumerate(rows.cells):
-        if cells and cells.keys().isdisjoint(("reading_mm", ReadingRow.inches)):
-            rows.note(index, "reading_mm", "The reading is missing.", _READING)
+    _check_read(rows)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
     _check_order(rows)
@@ -636,6 +636,13 @@ def _time(rows: Rows[ReadingRow], started: str | None) -> None:
         if not 0.0 <= minutes[index] <= LATEST_MINUTES:
             fault = "The time is before `started`, or years after it."
             rows.note(index, "timestamp", fault, "Correct the time, or `started`.")
+
+
+def _check_read(rows: Rows[ReadingRow]) -> None:
+    """Each row has its reading, which only a skipped one lacks."""
+    for index, cells in enumerate(rows.cells):
+        if cells and cells.keys().isdisjoint(("reading_mm", ReadingRow.inches)):
+            rows.note(index, "reading_mm", "The reading is missing.", _READING)
 
 
 def _check_parts(rows: Rows[ReadingRow]) -> None:
@@ -877,6 +884,7 @@ def session_from_tree(
         raise InputError(fault, "Leave --machine out.", file=tree.file) from error
     recorded = machine_file.machine_in(tree, ("machine",))
     replaced = Rows(tree, ReadingRow, ("retaken",))
+    _check_read(replaced)
     skipped = Rows(tree, ReadingRow, ("skipped",))
     stated = ((key, tree.value.get(key)) for key in Circumstances.model_fields)
     frame = Circumstances()
