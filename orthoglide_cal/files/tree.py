@@ -131,7 +131,11 @@ class Content:
         self.add(fault, remedy, line, column, value or text)
 
     def take(
-        self, error: ValidationError, schema: object, at: Steps = (), words: Words = WORDS
+        self,
+        error: ValidationError,
+        schema: object,
+        at: Steps = (),
+        words: Mapping[str, tuple[str, str]] = {},
     ) -> None:
         """Note all that pydantic found in what stands at a path, and was checked by a schema.
 
