@@ -386,8 +386,10 @@ def deliver(
     from orthoglide_cal.report.html import html as as_html
     from orthoglide_cal.report.markdown import markdown as as_markdown
 
-    page, pages = document.page(), ((html, as_html), (markdown, as_markdown))
-    for path, render in ((path, render) for path, render in pages if path):
+    page = document.page()
+    for path, render in ((html, as_html), (markdown, as_markdown)):
+        if path is None:
+            continue
         if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
             fault = f"{path} is not a page that orthocal wrote: it is not replaced."
             raise UsageError(fault, "Name another file.")

@@ -160,7 +160,7 @@ class Belief:
         """Sets that ask the same of a technician as a set does, the most probable first."""
         by_remedy: dict[Hashable, list[Ids]] = {}
         for ids in self.listed:
-            by_remedy.setdefault(ids and self.hypotheses[ids].remedy, []).append(ids)
+            by_remedy.setdefault(self.hypotheses[ids].remedy, []).append(ids)
         return {ids: tuple(alike) for alike in by_remedy.values() for ids in alike}
 
     def share(self, sets: Iterable[Ids]) -> float:

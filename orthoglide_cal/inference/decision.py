@@ -238,8 +238,9 @@ class Decision(Belief):
             if self.repeats and (self.shape,) in self.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
-            assumed = self.white.texture is None or self.chance(self.fit_of(())) >= SUSPICIOUS
-            return Verdict.CONSISTENT if assumed else Verdict.UNEXPLAINED
+            shaped = self.white.texture is not None
+            too_large = shaped and self.chance(self.fit_of(())) < SUSPICIOUS
+            return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.

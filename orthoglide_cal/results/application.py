@@ -302,10 +302,11 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
 
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
-    for written in (entry.written for entry in file.model.machine.history[-1:]):
-        if written and written.values and Path(written.target).is_file():
-            return written.target if holds(written.target, written.sha256_before) else None
-    return None
+    history = file.model.machine.history
+    written = history[-1].written if history else None
+    if not (written and written.values and Path(written.target).is_file()):
+        return None
+    return written.target if holds(written.target, written.sha256_before) else None
 
 
 def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:
