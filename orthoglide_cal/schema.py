@@ -105,7 +105,7 @@ def parse_number(text: str, *, decimal_comma: bool = False) -> float:
 
 
 def parse_count(text: str, least: int) -> int:
-    """The whole number that `text` writes. Raises InputError without a place."""
+    """The whole number that `text` writes, at least `least`. Raises InputError without a place."""
     plain = text.strip()
     if not _INTEGER.fullmatch(plain) or int(plain) < least:
         raise InputError(

@@ -445,7 +445,7 @@ def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    else:
+    else:  # of a table each difference is a block
         unit = (entries**2).sum(axis=0)
     errors, square, alone = list[Floats](), 0.0, 0.0
     together = np.zeros((taken.shape[1],) * 2)

@@ -71,7 +71,7 @@ class ReproducedRow:
     @computed_field
     @property
     def reproduced(self) -> bool | None:
-        """None where nothing can be computed."""
+        """False if a figure differs by more than allowed; None where nothing can be computed."""
         if self.computed is None:
             return None
         pairs = zip(self.published, self.computed, strict=True)
@@ -92,6 +92,7 @@ class Reproduction(Schema):
     @computed_field
     @property
     def reproduced(self) -> bool:
+        """True unless one of its rows is not."""
         return all(row.reproduced is not False for row in self.rows)
 
 
@@ -223,7 +224,10 @@ def table_5(model: Model) -> Reproduction:
 
 
 def accuracy_factor(model: Model, kind: DataKind) -> float:
-    """σ_ρ/σ of one cycle: the paper's 1.98 (six, eq. 29), 2.06 (twelve, eq. 32); or the bound."""
+    """σ_ρ/σ of one cycle: the paper's 1.98 (six, eq. 29) and 2.06 (twelve, eq. 32).
+
+    Of all its readings at once it is the Cramér–Rao bound.
+    """
     problem = pose_plan(ideal_plan(kind, model.machine), model, kind)
     # σ_ρ = √(trace V / 3) (eq. 33)
     return rms(np.sqrt(np.diag(problem.spread(np.linalg.pinv(problem.at_zero[1])))))

@@ -232,6 +232,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     # With many readings a probability may be too small for a number: such a one decides nothing.
     possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
     likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST_EXPLANATIONS]
+    # Readings that cannot be solved together with the first ones are judged alone.
     alone = [] if first is not None else [(share, fit.unread) for share, fit in likeliest]
     predicted = predictions(model, first, choice, [*likeliest, *alone])
     true, judged = slice(len(likeliest)), slice(-len(likeliest), None)

@@ -65,7 +65,8 @@ class LiveGauge(Protocol):
 
     hint: str  # what to do for a reading, e.g. "press its button"
     silence: str = ""  # what to check where Return was pressed and nothing came
-    reads_itself: bool = False  # nobody need be there: no press of a button can come too soon
+    # Nobody need be there: the end of a pipe presses Return for ever, and no press comes too soon.
+    reads_itself: bool = False
 
     def begin(self, step: SessionStep, takes: int) -> None:
         """A prompt for this step, which was read `takes` times: forget what was said before."""
@@ -292,7 +293,8 @@ def _reason(error: Exception) -> str:
     return match.group(1) if match else str(error).rstrip(".")
 
 
-# ---- a running LinuxCNC: `linuxcncrsh` answers one line for each line over TCP
+# ---- a running LinuxCNC: `linuxcncrsh` answers one line for each line over TCP (its manual page).
+# Nothing here can move a machine.
 
 PORT = 5007
 NEAR_MM = 0.05  # farther from the posture, a reading is questioned
@@ -342,7 +344,7 @@ class Standing:
         return away, f"the controller stood at {by_axis(stands, '.3f', ' ')}"
 
     def _homed(self) -> bool:
-        """True if all joints are homed. Raises OSError."""
+        """True if all joints are homed: before, their positions are arbitrary. Raises OSError."""
         return self._ask("get joint_homed", "JOINT_HOMED")[:3] == ["YES"] * 3
 
     def _ask(self, question: str, answer: str) -> list[str]:
