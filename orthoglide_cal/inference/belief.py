@@ -114,7 +114,7 @@ class Belief:
         fit = self._kept.pop(ids, None) or fit_hypothesis(self.hypotheses[ids])
         self._kept[ids] = fit
         some = [one for one in self._kept if one]
-        if len(some) * len(self.white) > KEPT:
+        if len(some) > 1 and len(some) * len(self.white) > KEPT:
             del self._kept[some[0]]
         return fit
 

@@ -73,6 +73,14 @@ def test_verdicts(line: str) -> None:
     assert said(decision(**made)) == verdict.strip()
 
 
+def test_the_fit_that_was_asked_for_last_is_kept_however_large(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("orthoglide_cal.inference.belief.KEPT", 1)
+    found = replace(session(), _kept={})
+    assert found.fit_of(("axis_gap",)) is found.fit_of(("axis_gap",))
+
+
 def test_more_noise_of_all_readings_needs_no_other_where() -> None:
     fit = session().fit_of(())
     every = pattern_candidates(fit, fine=False)
