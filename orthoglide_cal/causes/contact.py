@@ -167,7 +167,8 @@ class _Surface(Cause):
         x, y, _ = np.moveaxis(where, -1, 0)
         # The first terms alone where fewer are given, as files of old have them.
         sizes = effect.theta @ self._terms[: effect.theta.shape[-1]]
-        across, along = (np.cumprod([np.ones_like(one), *[one] * 6], axis=0) for one in (x, y))
+        highest = max(map(max, self._powers))
+        across, along = (np.cumprod([one**0] + [one] * highest, axis=0) for one in (x, y))
         shape = sum(
             sizes[..., k, None] * across[p] * along[q] for k, (p, q) in enumerate(self._powers)
         )

@@ -461,7 +461,7 @@ class Journal:
 
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
-    match, step = _LINE.fullmatch(line), re.search(rb'"step":([0-9]+)', line)
+    match, step = _LINE.fullmatch(line), re.search(rb'"step":([0-9]{1,9})', line)
     entry = f"the entry of step {int(step[1])}" if step else "an entry"
     fault = "The journal is damaged here:"
     remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
