@@ -167,8 +167,9 @@ class _Surface(Cause):
         x, y, _ = np.moveaxis(where, -1, 0)
         # The first terms alone where fewer are given, as files of old have them.
         sizes = effect.theta @ self._terms[: effect.theta.shape[-1]]
-        highest = max(map(max, self._powers))
-        across, along = (np.cumprod([one**0] + [one] * highest, axis=0) for one in (x, y))
+        # Each power once: complex ones cost most of a simulated bed.
+        every = [[np.ones_like(one)] + [one] * max(map(max, self._powers)) for one in (x, y)]
+        across, along = (np.cumprod(factors, axis=0) for factors in every)
         shape = sum(
             sizes[..., k, None] * across[p] * along[q] for k, (p, q) in enumerate(self._powers)
         )
