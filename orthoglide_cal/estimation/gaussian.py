@@ -55,13 +55,16 @@ def whiten_shared(columns: Floats, *values: Floats) -> tuple[Floats, ...]:
     return tuple(shrink(value, axes, factors) for value in values)
 
 
-def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tuple[Floats, Floats]:
+def condition(
+    columns: Floats, data: Floats, sizes: Floats, sigma: float, square: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Unknowns u of d = C u + e with priors u ~ N(0, sizes²) and noise e ~ N(0, σ²).
 
-    C of shape (k, q), d (k,), sizes (q,). Returns their mean, shape (q,), and covariance
-    (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
+    C of shape (k, q), d (k,), sizes (q,), CᵀC if it is known. Returns their mean, shape (q,), and
+    covariance (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
     """
-    precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
+    square = columns.T @ columns if square is None else square
+    precision = square / sigma**2 + np.diag(1.0 / sizes**2)
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
     return covariance @ (columns.T @ data) / sigma**2, covariance
 

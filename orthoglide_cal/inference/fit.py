@@ -127,8 +127,7 @@ class Fit(ReadOnly):
         """The fit with σ and the covariance that follow from ln p by σ of its noise, (..., g)."""
         shares = np.exp(by_noise - log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
-        covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
-        return altered(self, sigma=sigma, covariance=read_only(covariance))
+        return altered(self, sigma=sigma, covariance=read_only(self._at(sigma)[1]))
 
     def with_effects(self, drafts: Sequence[Effect]) -> Fit:
         """The fit with these effects, of the sizes that it gives them, and their covariance."""
@@ -197,7 +196,16 @@ class Fit(ReadOnly):
     @cached_property
     def moved(self) -> Floats:
         """The unknowns, from where they were expected, shape (q,)."""
-        return read_only(condition(self.columns, self.unexpected, self.sizes, self.stated)[0])
+        return read_only(self._at(self.stated)[0])
+
+    def _at(self, sigma: float) -> tuple[Floats, Floats]:
+        """Mean and covariance of the unknowns with noise of σ [mm]: see `condition`."""
+        return condition(self.columns, self.unexpected, self.sizes, sigma, self._square)
+
+    @cached_property
+    def _square(self) -> Floats:
+        """CᵀC of its columns, shape (q, q)."""
+        return read_only(self.columns.T @ self.columns)
 
     @cached_property
     def residual(self) -> Floats:

@@ -462,14 +462,15 @@ class LinearDelta(Machine):
         )
 
     def command(self, plan: ProbePlan) -> Command:
-        """Commands for all first places, then for all second ones."""
-        rails, places = self.nominal_rails, np.concatenate((plan.place, plan.other))
+        """Commands for all first places, then for all second ones if a distance has any."""
+        ends = 1 + bool(plan.distance.any())
+        rails, places = self.nominal_rails, np.concatenate((plan.place, plan.other)[:ends])
         # On the way the height does not depend on what is touched.
-        level = np.column_stack((places[:, :2], np.tile(plan.surface, 2)))
+        level = np.column_stack((places[:, :2], np.tile(plan.surface, ends)))
         # A printed object was approached from all sides.
         touches = plan.in_time[~plan.distance[plan.in_time]]
         approach = Command.approach_of(rails.joints_for(level), touches)
-        hours, nothing = np.tile(plan.hours, 2), np.zeros(places.shape)
+        hours, nothing = np.tile(plan.hours, ends), np.zeros(places.shape)
         return Command(rails.joints_for(places), self.home_mm, hours, nothing, approach)
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
