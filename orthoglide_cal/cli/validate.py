@@ -13,8 +13,8 @@ def validate(
 ) -> int:
     """Check files; name every fault with its place and remedy."""
     from orthoglide_cal.estimation.arms import free_arms
-    from orthoglide_cal.estimation.solution import solve
     from orthoglide_cal.files.input import check_file
+    from orthoglide_cal.inference.alone import solve
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.report.documents.short import check_document
 

@@ -14,7 +14,8 @@ single-sequential eq. 11, one offset after the other
 six-linear        eq. 17, pseudoinverse              max − min
 twelve-linear     eq. 16, pseudoinverse              max − iso, min − iso
 six, twelve       eq. 25, nonlinear least squares on the same differences
-readings          all raw readings at once, one unknown zero per gauge set-up
+readings          all raw readings at once, one unknown zero per gauge set-up: the fit of the
+                  empty hypothesis (`inference.alone`)
 """
 
 from __future__ import annotations
@@ -179,10 +180,14 @@ class Problem(ReadOnly):
         which = tuple(compress(self.which, rows))
         return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
 
-    def weighted(self, ratio: Floats) -> Problem:
-        """The same of contrasts of covariance I + C Cᵀ, C (k, p) in σ, made independent."""
+    def weighted(self, ratio: Floats, data: Floats) -> tuple[Problem, Floats]:
+        """The same of contrasts of covariance I + C Cᵀ, C (k, p) in σ, made independent.
+
+        And its data, from those of this one, shape (k,) [mm].
+        """
         assert isinstance(self.matrix, Contrasts)
-        return replace(self, matrix=altered(self.matrix, shrunk=shrinking(ratio)))
+        shrunk = shrinking(ratio)
+        return replace(self, matrix=altered(self.matrix, shrunk=shrunk)), shrink(data, *shrunk)
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -615,34 +620,32 @@ class Solution(OffsetEstimate):
         return bool(np.abs(left).max() <= OPTIMAL)
 
 
-def solve(
-    measured: Measured, model: Model, method: str | None = None, offsets: Floats | None = None
-) -> Solution:
-    """Identify the joint offsets by a method of this name; None: the default of such data.
+def solve_by(method: Method, measured: Measured, model: Model) -> Solution:
+    """Identify the joint offsets from differences of readings, as the paper has it.
 
-    All readings at once are weighted by what is uncertain of them in addition to noise, such as
-    where along its leg each gauge stands; the paper's methods are as the paper has them. `offsets`
-    fit all readings best without those weights, shape (3,) [mm]; None: they are searched for.
-
-    Raises UsageError: the method does not exist or cannot use these data. UnusableResultError: the
-    data do not determine the offsets, with what to add; no optimum was found; no machine has these
-    offsets; or nobody knows what they are added to.
+    Raises UnusableResultError: the data do not determine the offsets, with what to add; no optimum
+    was found; or no machine has these offsets.
     """
-    require_settings(measured)
-    chosen = choose_method(measured, method)
-    problem, data = pose(measured, model, chosen.uses)
+    problem, data = pose(measured, model, method.uses)
     require_rank(problem)
-    plain, all_data = problem, data  # without weights
-    if chosen.linear:
+    if method.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
-        predicted, at_zero = problem.at_zero
-        shifted, estimator = data - predicted, chosen.estimator(problem)
-        offsets = estimator @ shifted
-        residuals = shifted - at_zero @ offsets
-    elif offsets is None:
+        predicted, jacobian = problem.at_zero
+        estimator = method.estimator(problem)
+        offsets = estimator @ (data - predicted)
+        predicted = predicted + jacobian @ offsets
+    else:
         offsets = require_optimum(problem, fit_offsets(problem, data)).offsets_mm
-    machine, plan, gauge = model.machine, problem.plan, model.machine.instrument
-    # So far from where it seems to be, a carriage could not move.
+        predicted, jacobian = problem.predict_with_jacobian(offsets)
+        estimator = np.asarray(np.linalg.pinv(jacobian), np.float64)
+    require_travel(problem, offsets)
+    moved = estimator @ problem.matrix
+    return concluded(method, measured, problem, data, offsets, moved, data - predicted)
+
+
+def require_travel(problem: Problem, offsets: Floats) -> None:
+    """Raise UnusableResultError: so far (3,) [mm] from where it seems to be no carriage can be."""
+    machine = problem.model.machine
     if (largest := float(np.abs(offsets).max())) > machine.travel_mm / 2.0:
         require_determined(problem)
         raise UnusableResultError(
@@ -650,35 +653,55 @@ def solve(
             " of the travel.",
             "Check the unit and the decimal marks of the readings, and the machine file.",
         )
-    uncertain = influences(model, offsets, plan)
-    # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
-    # number of parameters.
-    here = {
+
+
+def fitted_here(measured: Measured, model: Model) -> dict[str, int]:
+    """Causes that were fitted to these very data: id → number of parameters.
+
+    They are not uncertain in addition to their noise.
+    """
+    return {
         effect.cause.id: int(np.count_nonzero(effect.std))
         for effect in model.accepted
         if effect.data_sha256 == measured.source.sha256
     }
+
+
+def concluded(
+    method: Method,
+    measured: Measured,
+    problem: Problem,
+    data: Floats,
+    offsets: Floats,
+    moved: Floats,
+    residuals: Floats,
+    scale_factor: float = 1.0,
+) -> Solution:
+    """The solution of a problem, with the noise of one reading and the uncertainty budget.
+
+    Args:
+        data, residuals: of the problem, and what the method leaves of them, shape (k,) [mm].
+        offsets: as the method found them, shape (3,) [mm].
+        moved: their derivatives by the readings, shape (3, n).
+        scale_factor: how many times as large as stated a local shape is.
+    """
+    model, plan, gauge = problem.model, problem.plan, problem.model.machine.instrument
+    here = fitted_here(measured, model)
+    uncertain = [one.times(scale_factor) for one in influences(model, offsets, plan)]
     left = [influence for influence in uncertain if influence.source not in here]
     stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(one.rest for one in left)))
-    ratios = [(one.source, one.columns / stated_mm) for one in left]
-    if chosen is Method.READINGS:
-        problem = problem.weighted(problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
-        data = problem.matrix @ measured.value
-        offsets = require_optimum(problem, fit_offsets(problem, data, offsets)).offsets_mm
-    readings, jacobian = simulate_at(model, offsets, plan)
-    if not chosen.linear:
-        residuals = data - problem.matrix @ readings
-        estimator = np.asarray(np.linalg.pinv(problem.matrix @ jacobian), np.float64)
     # Noise of one reading is what no offsets explain, of raw data in all readings, whatever the
     # method; what a cause of the machine would explain is none.
-    if isinstance(measured, Readings) and problem.which:
+    plain, all_data = problem, data
+    if isinstance(measured, Readings):
         plain, all_data = pose(measured, model, DataKind.READINGS)
-    hidden = set(machine.unobservable) - {effect.cause.id for effect in model.accepted}
-    ratio = np.hstack([ratio for source, ratio in ratios if source not in hidden])
+    hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
+    ratio = np.hstack([one.columns / stated_mm for one in left if one.source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
     dof = len(all_data) - len(offsets) - sum(here.values())
     scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.matrix
     if dof > 0:
+        readings, jacobian = simulate_at(model, offsets, plan)
         residual, slopes = all_data - matrix @ readings, matrix @ jacobian
         # Generalised least squares: rᵀ Λᵀ P Λ r with (ΛᵀΛ)⁻¹ = G + C Cᵀ/σ², of C what influences
         # add, and P the projector onto what the offsets cannot explain. Whichever estimator left
@@ -686,14 +709,14 @@ def solve(
         left_over = unexplained(*plain.whitened(matrix @ ratio, slopes, residual))
         scatter = Scatter(math.sqrt(left_over @ left_over / dof), dof)
         noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), dof)
-    uncertain = (*uncertain, *fixed_influences(model, offsets, plan))
+    uncertain += fixed_influences(model, offsets, plan)
     return Solution(
         model=model,
         offsets_mm=offsets,
-        budget=budget_of(estimator @ problem.matrix, gauge, scatter, uncertain, plan.precision),
+        budget=budget_of(moved, gauge, scatter, uncertain, plan.precision),
         noise=noise,
         measured=measured,
-        method=chosen,
+        method=method,
         problem=problem,
         data=data,
         residuals_mm=residuals,

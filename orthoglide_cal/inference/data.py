@@ -37,6 +37,7 @@ from orthoglide_cal.estimation.solution import (
     pose_plan,
     require_optimum,
     require_rank,
+    require_travel,
     rms,
 )
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
@@ -121,6 +122,10 @@ class Candidates:
             log_prior[ids_of(*pair, slip)] = log_prior[ids_of(*pair)] + log_prior[slip.id,]
         log_prior[()] = math.log(1.0 - UNLISTED - sum(map(math.exp, log_prior.values())))
         return cls(broad, pairs, extras, log_prior)
+
+
+# Of the calibrated parameters alone.
+NOTHING = Candidates((), (), (), {(): 0.0})
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +245,16 @@ class Whitened(ReadOnly):
         fit = fit_offsets(replace(problem, matrix=matrix), white)
         predicted, _ = problem.predict_with_jacobian(fit.offsets_mm, strict=False)
         return replace(fit, residuals_mm=versions - predicted)
+
+    def optimum(self, uncertain: Sequence[Influence], start: Floats) -> Floats:
+        """Offsets that fit readings best, weighted by what is uncertain of them; from `start`.
+
+        Each (3,) [mm]. Raises UnusableResultError: there is no optimum.
+        """
+        variance = self.machine.instrument.noise_mm**2 + sum(one.rest for one in uncertain)
+        ratio = self.side_by_side(uncertain) / math.sqrt(variance)
+        problem, data = self.problem.weighted(ratio, self.data)
+        return require_optimum(problem, fit_offsets(problem, data, start)).offsets_mm
 
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
         """Influences on the data in addition to noise, for offsets (..., 3) [mm]."""
@@ -376,19 +391,25 @@ class Linearised(ReadOnly):
                 tried = tuple(place for cause, place in possible if cause is placed.cause)
                 placed, first = replace(placed, tried=tried, first=first), first + len(tried)
             extras[placed.cause.id] = placed
-        offsets, broad = fit.offsets_mm[0], candidates.broad
+        offsets, broad, left = fit.offsets_mm[0], candidates.broad, fit.residuals_mm[0]
+        require_travel(white.problem, offsets)
+        uncertain = list(white.uncertain(offsets))
+        if white.raw:
+            offsets = white.optimum(uncertain, offsets)
+            left = white.data - white.problem.predict(offsets)
         _, slopes = differentiate_absent(white.problem.model, offsets, white.plan, broad)
         columns, ends = white.matrix @ np.hstack(slopes), np.cumsum([s.shape[1] for s in slopes])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         by_cause = {cause.id: slope for cause, slope in zip(broad, jacobians, strict=True)}
-        uncertain = list(white.uncertain(offsets))
         for number, influence in enumerate(uncertain):
             if influence.source in by_cause:
                 shown = unexplained(jacobian, influence.columns)
                 if np.linalg.norm(shown) > noise.stated:
                     # It has a name of its own for what shows: what offsets imitate is carried.
                     uncertain[number] = replace(influence, columns=influence.columns - shown)
-        data = (one[fit.converged] for one in (versions, fit.offsets_mm, fit.residuals_mm))
+        others = fit.offsets_mm[1:], fit.residuals_mm[1:]
+        found, lefts = map(np.vstack, zip((offsets, left), others, strict=True))
+        data = (one[fit.converged] for one in (versions, found, lefts))
         return cls(white, candidates, noise, extras, jacobian, by_cause, tuple(uncertain), *data)
 
     @property

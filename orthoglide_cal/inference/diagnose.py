@@ -19,7 +19,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import Solution, scatter_of_repeats, solve
+from orthoglide_cal.estimation.solution import Solution, fitted_here, scatter_of_repeats
+from orthoglide_cal.inference.alone import solution_of, solve
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
@@ -104,9 +105,14 @@ class Diagnosis(Decision):
     @cached_property
     def alone(self) -> Solution:
         """The calibrated parameters alone."""
-        # Found already, but for data that are weighed otherwise there.
-        known = self.white.raw and self.white.texture is None
-        return solve(self.measured, self.model, offsets=self.at.offsets[0] if known else None)
+        if not self.white.raw or fitted_here(self.measured, self.model):
+            return solve(self.measured, self.model)
+        return solution_of(self.fit_of(()), self.measured, self.model)
+
+    def alone_with(self, scale_factor: float) -> Fit:
+        """The fit of the same with a local shape so many times as large as stated."""
+        fit, nothing = self.fit_of(()), self.hypotheses[()]
+        return fit if fit.scale_factor == scale_factor else fit_hypothesis(nothing, scale_factor)
 
     @cached_property
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
@@ -563,10 +569,8 @@ class Diagnosis(Decision):
         size = alone.scatter.sigma_mm if alone.scatter else 0.0
         dof, p_value = alone.dof, alone.lack_of_fit_p
         if self.white.texture is not None:
-            fit = self.fit_of(())
-            factor = 1.0 if self.verdict is Verdict.UNEXPLAINED else self.fit.scale_factor
-            if factor != fit.scale_factor:
-                fit = fit_hypothesis(self.hypotheses[()], factor)
+            as_stated = self.verdict is Verdict.UNEXPLAINED
+            fit = self.alone_with(1.0 if as_stated else self.fit.scale_factor)
             dof, p_value = len(self.white) - alone.offsets_mm.size, self.chance(fit)
             size = math.sqrt(fit.square / dof) if dof else 0.0
         repeats, chance, measured = None, None, self.measured

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
@@ -261,6 +261,15 @@ class Influence(ReadOnly):
     # As many unknowns as readings, shared by neighbours: what is put down to them is not explained.
     local: bool = False
     rest: float = 0.0  # variance of what else it adds to each reading, as noise does [mm²]
+
+    def times(self, scale_factor: float) -> Influence:
+        """The same, of a local shape so many times as large as stated."""
+        if not self.local or scale_factor == 1.0:
+            return self
+        columns, rest = scale_factor * self.columns, scale_factor**2 * self.rest
+        return replace(
+            self, columns=columns, rest=rest, size=self.size and scale_factor * self.size
+        )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,14 @@ from pydantic import Field, computed_field
 from pydantic.dataclasses import dataclass
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.solution import fit_offsets, pose_plan, promise, rms, solve
+from orthoglide_cal.estimation.solution import (
+    Method,
+    fit_offsets,
+    pose_plan,
+    promise,
+    rms,
+    solve_by,
+)
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan
@@ -181,7 +188,7 @@ def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
     rows = []
     for name, published in TABLE_4.items():
-        solution = solve(experiment(int(name[1])), model)
+        solution = solve_by(Method.SIX, experiment(int(name[1])), model)
         promised = promise(solution.measured, solution, solution.offsets_mm)
         key = "measured_mm" if name.endswith("measured") else "expected_mm"
         values = [getattr(row, key) for row in promised]
@@ -206,7 +213,7 @@ def table_5(model: Model) -> Reproduction:
     for name, published in TABLE_5.items():
         computed = None
         if name.endswith("six-equation"):
-            solution = solve(experiment(int(name[1])), model)
+            solution = solve_by(Method.SIX, experiment(int(name[1])), model)
             computed = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
         rows.append(ReproducedRow(name, published, computed))
     return Reproduction(

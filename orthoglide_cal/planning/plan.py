@@ -184,7 +184,8 @@ def estimator_for(
     require_rank(problem)
     if method is Method.READINGS:
         columns = np.hstack([influence.columns for influence in uncertain])
-        problem = problem.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
+        ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
+        problem, _ = problem.weighted(ratio, np.zeros(len(ratio)))
     # The slope hardly depends on the offsets: near zero every method is a linear one.
     return np.asarray(method.estimator(problem) @ problem.matrix)
 

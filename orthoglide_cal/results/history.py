@@ -25,10 +25,10 @@ from orthoglide_cal.estimation.budget import (
     half_width,
 )
 from orthoglide_cal.estimation.gaussian import mixture
-from orthoglide_cal.estimation.solution import require_settings, solve
+from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
+from orthoglide_cal.inference.data import NOTHING, Ids, Linearised, Whitened
 from orthoglide_cal.inference.diagnose import Diagnosis, decided
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
@@ -135,7 +135,7 @@ class _Session:
         self.given, self.last, self.path = given, last.machine, given.measured.source.path
         model = last.judging(given.model)
         self.white = white = Whitened.of(given.measured, model)
-        at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
+        at = Linearised.of(white, NOTHING)
         nothing: dict[Ids, Hypothesis] = {(): Hypothesis(at, 0.0)}  # the parameters alone
         self.belief = self.decision = Diagnosis(given.measured, model, at, nothing)
         self.alone = self.belief.fit_of(())
@@ -143,7 +143,6 @@ class _Session:
         self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
         self.refuted: Reason | None = None  # how what would be named here was refuted
         if len(white) <= self.width or self.belief.chance(self.alone) <= PLAIN:
-            solve(given.measured, model)  # refuses what is out of all proportion
             self.decision = decided(given.measured, model)
 
     def conclude(self, later: "_Session | None") -> None:

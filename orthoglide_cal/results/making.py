@@ -33,9 +33,9 @@ from orthoglide_cal.estimation.solution import (
     promise,
     require_settings,
     rms,
-    solve,
 )
 from orthoglide_cal.files.input import Input, InputFile
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
@@ -456,8 +456,8 @@ def release(
     doubtful = not solution.dof or (
         diagnosis.verdict is Verdict.CONSISTENT and fit.code == "residuals_too_large"
     )
-    # As stated, not as widened by the diagnosis to cover what is left; "1.0 times" says nothing.
-    if round(factor, 1) > 1.0 and solution.lack_of_fit_p < SUSPICIOUS:
+    # As stated, not as widened to cover what is left; "1.0 times" says nothing.
+    if round(factor, 1) > 1.0 and diagnosis.chance(diagnosis.alone_with(1.0)) < SUSPICIOUS:
         fit, doubtful = Reason.of("local_shape", factor=factor), True
     more = [fit] if doubtful and judged.usable else []
     return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)

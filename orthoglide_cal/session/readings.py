@@ -21,7 +21,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
 from orthoglide_cal.estimation.budget import plausible_causes, warmth
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.estimation.solution import Solution, solve
+from orthoglide_cal.estimation.solution import Solution
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,
@@ -34,6 +34,7 @@ from orthoglide_cal.files.readings import (
     session_of_readings,
 )
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.losses import DISMISSED, MISSED_FAULT, NEEDLESS_HOLD, SESSIONS_A_QUESTION
 from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.machine import Machine

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.estimation.solution import pose, solve
+from orthoglide_cal.estimation.solution import pose
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.readings import GaugeIdentity
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.orthoglide import JointOffsets

@@ -90,7 +90,7 @@ def solved(
     if method is Method.READINGS:
         columns = np.hstack([each.columns for each in influences(model, expected, plan)])
         ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
-        problem = problem.weighted(ratio)
+        problem, _ = problem.weighted(ratio, data[0])
     fit = fit_offsets(problem, values @ problem.matrix.T)
     assert np.all(fit.converged)
     return fit.offsets_mm

@@ -14,7 +14,8 @@ from scipy.stats import chi2
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.gaussian import unexplained
-from orthoglide_cal.estimation.solution import scatter_of_repeats, solve
+from orthoglide_cal.estimation.solution import scatter_of_repeats
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session

@@ -12,8 +12,9 @@ from scipy.optimize import least_squares
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import Contribution, Scatter, budget_of, influences, warmth
-from orthoglide_cal.estimation.solution import solve, without_zeros
+from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.readings import Conditions
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, Model
 from orthoglide_cal.model.orthoglide import single_posture

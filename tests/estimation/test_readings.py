@@ -14,7 +14,8 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.solution import Method, PromisedDifference, pose, promise, solve
+from orthoglide_cal.estimation.solution import Method, PromisedDifference, pose, promise
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate

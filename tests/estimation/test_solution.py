@@ -15,13 +15,8 @@ from scipy import stats
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.estimation.solution import (
-    OPTIMAL,
-    OffsetEstimate,
-    fit_offsets,
-    promise,
-    solve,
-)
+from orthoglide_cal.estimation.solution import OPTIMAL, OffsetEstimate, fit_offsets, promise
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.losses import is_likely, surprising
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import decision_notice

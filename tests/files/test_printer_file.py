@@ -11,10 +11,10 @@ import pytest
 from scipy.optimize import least_squares
 
 from orthoglide_cal.estimation.arms import free_arms
-from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.klipper import read_printer_file
 from orthoglide_cal.files.text import document_from_bytes
+from orthoglide_cal.inference.alone import solve
 from tests.printer_files import OFF, STEP, printer_cfg
 from tests.sentences import sentences
 from tests.truth.delta import V400, Delta, Floats

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file, stored_machine
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops
 from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.solution import solve
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.data import OFFSETS_MM, Candidates, Whitened
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import Verdict

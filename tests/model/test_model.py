@@ -12,7 +12,8 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.budget import half_width
-from orthoglide_cal.estimation.solution import fit_offsets, solve
+from orthoglide_cal.estimation.solution import fit_offsets
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source

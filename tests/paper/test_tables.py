@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.solution import solve
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats

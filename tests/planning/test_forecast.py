@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orthoglide_cal.estimation.solution import Method, solve
+from orthoglide_cal.estimation.solution import Method
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, synthetic_session
 from orthoglide_cal.model.orthoglide import MINUTES_PER_POSTURE, OFFSET_MM

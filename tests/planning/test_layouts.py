@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation.solution import solve
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan, mixed, rings
 from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model

@@ -15,7 +15,8 @@ from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import Scatter
-from orthoglide_cal.estimation.solution import OffsetEstimate, promise, solve
+from orthoglide_cal.estimation.solution import OffsetEstimate, promise
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.model.machine import Entered

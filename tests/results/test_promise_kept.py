@@ -13,7 +13,8 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.solution import promise, solve
+from orthoglide_cal.estimation.solution import promise
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Estimate, Model

@@ -8,9 +8,10 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation.solution import solve, without_zeros
+from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.sessions import Behaviour
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind

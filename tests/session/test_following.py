@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.files.text import read_document
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.planning.next_measurement import rank_measurements
 from orthoglide_cal.planning.steps import GIVES_UP

@@ -14,8 +14,8 @@ import numpy as np
 import pexpect
 import pytest
 
-from orthoglide_cal.estimation.solution import solve
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.session.gauges import SimulatedGauge
 from orthoglide_cal.words import Unit, value_text
 

@@ -1,0 +1,51 @@
+"""The calibrated parameters alone: the fit of the empty hypothesis, or a method of the paper."""
+
+from dataclasses import replace
+
+from orthoglide_cal.estimation.solution import (
+    Method,
+    Solution,
+    choose_method,
+    concluded,
+    fitted_here,
+    require_settings,
+    solve_by,
+)
+from orthoglide_cal.inference.data import NOTHING, Linearised, Whitened
+from orthoglide_cal.inference.fit import Fit, fit_hypothesis
+from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.model import Model
+
+
+def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:
+    """Identify the joint offsets by a method of this name; None: the default of such data.
+
+    All readings at once are weighted by what is uncertain of them in addition to noise, such as
+    where along its leg each gauge stands; the paper's methods are as the paper has them.
+
+    Raises UsageError: the method does not exist or cannot use these data. UnusableResultError: the
+    data do not determine the offsets, with what to add; no optimum was found; no machine has these
+    offsets; or nobody knows what they are added to.
+    """
+    require_settings(measured)
+    chosen = choose_method(measured, method)
+    if chosen is not Method.READINGS:
+        return solve_by(chosen, measured, model)
+    here = fitted_here(measured, model)
+    # What was fitted to these readings is no unknown of a fit to them.
+    accepted = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
+    white = Whitened.of(measured, replace(model, accepted=tuple(accepted)))
+    fit = fit_hypothesis(Hypothesis(Linearised.of(white, NOTHING), 0.0))
+    return solution_of(fit, measured, model)
+
+
+def solution_of(fit: Fit, measured: Measured, model: Model) -> Solution:
+    """The fit of the empty hypothesis to all readings at once, with its uncertainty budget."""
+    white, offsets, uncertain = fit.white, fit.offsets, slice(fit.first_uncertain, None)
+    ratio = fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated)
+    problem, data = replace(white.problem, model=model).weighted(ratio, white.data)
+    moved, left = fit.stated_estimator @ white.matrix, data - problem.predict(offsets)
+    return concluded(
+        Method.READINGS, measured, problem, data, offsets, moved, left, fit.scale_factor
+    )
