@@ -556,7 +556,6 @@ class Solution(OffsetEstimate):
     method: Method
     problem: Problem  # that was solved
     data: Floats  # its data, shape (k,) [mm]
-    residuals_mm: Floats  # what the solver left of the data it compared, shape (k,)
     scatter: Scatter | None  # of one reading, from the residuals; None without degrees of freedom
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
 
@@ -585,6 +584,16 @@ class Solution(OffsetEstimate):
         return read_only(measured.value - without_zeros(measured.plan, measured.value - readings))
 
     @property
+    def residuals_mm(self) -> Floats:
+        """What the method leaves of the data that it compares, shape (k,)."""
+        if self.method.linear:
+            predicted, jacobian = self.problem.at_zero
+            predicted = predicted + jacobian @ self.offsets_mm
+        else:
+            predicted, _ = self.problem.predict_with_jacobian(self.offsets_mm)
+        return np.asarray(self.data - predicted)
+
+    @property
     def rms_before_mm(self) -> float:
         """Root mean square with zero offsets: of differences themselves, as in Table 4."""
         if isinstance(self.measured, Differences):
@@ -599,11 +608,6 @@ class Solution(OffsetEstimate):
         # Of readings that are less precise than most, as much less counts.
         return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
 
-    def at(self, offsets: Floats) -> Solution:
-        """The same model at other offsets, shape (3,) [mm], with what they leave."""
-        left = self.data - self.problem.predict(offsets)
-        return replace(self, offsets_mm=offsets, residuals_mm=left)
-
     @cached_property
     def converged(self) -> bool:
         """True if the offsets are the optimum of the data held here, recomputed; a NaN is no.
@@ -614,9 +618,7 @@ class Solution(OffsetEstimate):
         problem = self.problem
         if not self.method.linear:
             return bool(problem.remaining(self.data, self.offsets_mm) <= OPTIMAL)
-        predicted, jacobian = problem.at_zero
-        left = self.data - predicted - jacobian @ self.offsets_mm
-        left = self.method.estimator(problem) @ left / self.budget.std_mm
+        left = self.method.estimator(problem) @ self.residuals_mm / self.budget.std_mm
         return bool(np.abs(left).max() <= OPTIMAL)
 
 
@@ -630,17 +632,13 @@ def solve_by(method: Method, measured: Measured, model: Model) -> Solution:
     require_rank(problem)
     if method.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
-        predicted, jacobian = problem.at_zero
         estimator = method.estimator(problem)
-        offsets = estimator @ (data - predicted)
-        predicted = predicted + jacobian @ offsets
+        offsets = estimator @ (data - problem.at_zero[0])
     else:
         offsets = require_optimum(problem, fit_offsets(problem, data)).offsets_mm
-        predicted, jacobian = problem.predict_with_jacobian(offsets)
-        estimator = np.asarray(np.linalg.pinv(jacobian), np.float64)
+        estimator = np.asarray(np.linalg.pinv(problem.predict_with_jacobian(offsets)[1]))
     require_travel(problem, offsets)
-    moved = estimator @ problem.matrix
-    return concluded(method, measured, problem, data, offsets, moved, data - predicted)
+    return concluded(method, measured, problem, data, offsets, estimator @ problem.matrix)
 
 
 def require_travel(problem: Problem, offsets: Floats) -> None:
@@ -674,13 +672,12 @@ def concluded(
     data: Floats,
     offsets: Floats,
     moved: Floats,
-    residuals: Floats,
     scale_factor: float = 1.0,
 ) -> Solution:
     """The solution of a problem, with the noise of one reading and the uncertainty budget.
 
     Args:
-        data, residuals: of the problem, and what the method leaves of them, shape (k,) [mm].
+        data: of the problem, shape (k,) [mm].
         offsets: as the method found them, shape (3,) [mm].
         moved: their derivatives by the readings, shape (3, n).
         scale_factor: how many times as large as stated a local shape is.
@@ -719,7 +716,6 @@ def concluded(
         method=method,
         problem=problem,
         data=data,
-        residuals_mm=residuals,
         scatter=scatter,
         stated_mm=stated_mm,
     )

@@ -42,10 +42,8 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
 
 def solution_of(fit: Fit, measured: Measured, model: Model) -> Solution:
     """The fit of the empty hypothesis to all readings at once, with its uncertainty budget."""
-    white, offsets, uncertain = fit.white, fit.offsets, slice(fit.first_uncertain, None)
+    white, uncertain = fit.white, slice(fit.first_uncertain, None)
     ratio = fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated)
     problem, data = replace(white.problem, model=model).weighted(ratio, white.data)
-    moved, left = fit.stated_estimator @ white.matrix, data - problem.predict(offsets)
-    return concluded(
-        Method.READINGS, measured, problem, data, offsets, moved, left, fit.scale_factor
-    )
+    moved, scale = fit.stated_estimator @ white.matrix, fit.scale_factor
+    return concluded(Method.READINGS, measured, problem, data, fit.offsets, moved, scale)

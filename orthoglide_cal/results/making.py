@@ -152,7 +152,7 @@ def answer_to(
     if explaining := () if shown_alone else diagnosis.causes if named else diagnosis.acting:
         left_mm = explaining[0].rms_after_mm
     else:
-        left_mm = (solution if shown_alone else solution.at(chosen.offsets_mm)).rms_after_mm
+        left_mm = replace(solution, offsets_mm=chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
     lack, shown = diagnosis.lack_of_fit, details or not shown_alone
     workspace, std = None, budget.std_mm
