@@ -638,11 +638,11 @@ def solve_by(method: Method, measured: Measured, model: Model) -> Solution:
         offsets = require_optimum(problem, fit_offsets(problem, data)).offsets_mm
         estimator = np.asarray(np.linalg.pinv(problem.predict_with_jacobian(offsets)[1]))
     require_travel(problem, offsets)
-    return concluded(method, measured, problem, data, offsets, estimator @ problem.matrix)
+    return conclude(method, measured, problem, data, offsets, estimator @ problem.matrix)
 
 
 def require_travel(problem: Problem, offsets: Floats) -> None:
-    """Raise UnusableResultError: so far (3,) [mm] from where it seems to be no carriage can be."""
+    """Raise UnusableResultError: a carriage cannot be as far off as these offsets (3,) [mm]."""
     machine = problem.model.machine
     if (largest := float(np.abs(offsets).max())) > machine.travel_mm / 2.0:
         require_determined(problem)
@@ -654,9 +654,9 @@ def require_travel(problem: Problem, offsets: Floats) -> None:
 
 
 def fitted_here(measured: Measured, model: Model) -> dict[str, int]:
-    """Causes that were fitted to these very data: id → number of parameters.
+    """Accepted causes that were fitted to these very data: id → number of parameters.
 
-    They are not uncertain in addition to their noise.
+    The noise of the data holds their uncertainty already.
     """
     return {
         effect.cause.id: int(np.count_nonzero(effect.std))
@@ -665,21 +665,21 @@ def fitted_here(measured: Measured, model: Model) -> dict[str, int]:
     }
 
 
-def concluded(
+def conclude(
     method: Method,
     measured: Measured,
     problem: Problem,
     data: Floats,
     offsets: Floats,
-    moved: Floats,
+    estimator: Floats,
     scale_factor: float = 1.0,
 ) -> Solution:
     """The solution of a problem, with the noise of one reading and the uncertainty budget.
 
     Args:
         data: of the problem, shape (k,) [mm].
-        offsets: as the method found them, shape (3,) [mm].
-        moved: their derivatives by the readings, shape (3, n).
+        offsets: as the method found them, shape (p,).
+        estimator: their derivatives by the readings, shape (p, n).
         scale_factor: how many times as large as stated a local shape is.
     """
     model, plan, gauge = problem.model, problem.plan, problem.model.machine.instrument
@@ -710,7 +710,7 @@ def concluded(
     return Solution(
         model=model,
         offsets_mm=offsets,
-        budget=budget_of(moved, gauge, scatter, uncertain, plan.precision),
+        budget=budget_of(estimator, gauge, scatter, uncertain, plan.precision),
         noise=noise,
         measured=measured,
         method=method,

@@ -6,13 +6,13 @@ from orthoglide_cal.estimation.solution import (
     Method,
     Solution,
     choose_method,
-    concluded,
+    conclude,
     fitted_here,
     require_settings,
     solve_by,
 )
 from orthoglide_cal.inference.data import NOTHING, Linearised, Whitened
-from orthoglide_cal.inference.fit import Fit, fit_hypothesis
+from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
@@ -37,13 +37,8 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     accepted = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
     white = Whitened.of(measured, replace(model, accepted=tuple(accepted)))
     fit = fit_hypothesis(Hypothesis(Linearised.of(white, NOTHING), 0.0))
-    return solution_of(fit, measured, model)
-
-
-def solution_of(fit: Fit, measured: Measured, model: Model) -> Solution:
-    """The fit of the empty hypothesis to all readings at once, with its uncertainty budget."""
-    white, uncertain = fit.white, slice(fit.first_uncertain, None)
-    ratio = fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated)
-    problem, data = replace(white.problem, model=model).weighted(ratio, white.data)
-    moved, scale = fit.stated_estimator @ white.matrix, fit.scale_factor
-    return concluded(Method.READINGS, measured, problem, data, fit.offsets, moved, scale)
+    uncertain = slice(fit.first_uncertain, None)
+    in_noise = fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated)
+    problem, data = replace(white.problem, model=model).weighted(in_noise, white.data)
+    estimator, scale = fit.estimator(fit.stated) @ white.matrix, fit.scale_factor
+    return conclude(chosen, measured, problem, data, fit.offsets, estimator, scale)

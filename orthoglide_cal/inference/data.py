@@ -247,9 +247,9 @@ class Whitened(ReadOnly):
         return replace(fit, residuals_mm=versions - predicted)
 
     def optimum(self, uncertain: Sequence[Influence], start: Floats) -> Floats:
-        """Offsets that fit readings best, weighted by what is uncertain of them; from `start`.
+        """Offsets (p,) that fit readings best, weighted by what is uncertain of them.
 
-        Each (3,) [mm]. Raises UnusableResultError: there is no optimum.
+        Searched from others (p,). Raises UnusableResultError: there is no optimum.
         """
         variance = self.machine.instrument.noise_mm**2 + sum(one.rest for one in uncertain)
         ratio = self.side_by_side(uncertain) / math.sqrt(variance)
@@ -408,8 +408,8 @@ class Linearised(ReadOnly):
                     # It has a name of its own for what shows: what offsets imitate is carried.
                     uncertain[number] = replace(influence, columns=influence.columns - shown)
         others = fit.offsets_mm[1:], fit.residuals_mm[1:]
-        found, lefts = map(np.vstack, zip((offsets, left), others, strict=True))
-        data = (one[fit.converged] for one in (versions, found, lefts))
+        fitted, residuals = map(np.vstack, zip((offsets, left), others, strict=True))
+        data = (one[fit.converged] for one in (versions, fitted, residuals))
         return cls(white, candidates, noise, extras, jacobian, by_cause, tuple(uncertain), *data)
 
     @property

@@ -19,8 +19,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import Solution, fitted_here, scatter_of_repeats
-from orthoglide_cal.inference.alone import solution_of, solve
+from orthoglide_cal.estimation.solution import Solution, scatter_of_repeats
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
@@ -105,9 +105,7 @@ class Diagnosis(Decision):
     @cached_property
     def alone(self) -> Solution:
         """The calibrated parameters alone."""
-        if not self.white.raw or fitted_here(self.measured, self.model):
-            return solve(self.measured, self.model)
-        return solution_of(self.fit_of(()), self.measured, self.model)
+        return solve(self.measured, self.model)
 
     def alone_with(self, scale_factor: float) -> Fit:
         """The fit of the same with a local shape so many times as large as stated."""
@@ -174,7 +172,7 @@ class Diagnosis(Decision):
             # cannot average it out.
             white, fit = self.white, fits[0]
             left = float(fit.residual @ fit.residual) / max(len(white) - mean.size, 1)
-            cells = fit.estimator @ (white.matrix @ white.plan.returning)
+            cells = fit.estimator(fit.sigma) @ (white.matrix @ white.plan.returning)
             covariance = covariance + left * cells @ cells.T
         return read_only(mean), read_only(covariance)
 
@@ -198,7 +196,7 @@ class Diagnosis(Decision):
         """Their uncertainty by source; what causes, then the verdict, leave open comes last."""
         (_, fit), *_ = self.left_open
         gauge, scatter = self.model.machine.instrument, Scatter(fit.sigma, np.inf)
-        budget = budget_of(fit.estimator, gauge, scatter, fit.uncertain)
+        budget = budget_of(fit.estimator(fit.sigma), gauge, scatter, fit.uncertain)
         causes = " and ".join(e.cause.id for e in fit.effects if e.covariance is not None)
         beyond = [(causes, fit.offsets_covariance)] if causes else []
         for source, covariance in (*beyond, (Origin.EXPLANATIONS, self.covariance_mm2)):
@@ -454,6 +452,12 @@ class Diagnosis(Decision):
             for hypothesis, probability in self.beyond_list.items()
             for share, fit in fits_of(hypothesis, self.fit_of(hypothesis.ids))
         )
+
+    @cached_property
+    def patterned_rms_mm(self) -> float:
+        """R.m.s. of what they leave of the data, by their shares, as of the offsets shown."""
+        fits = ((p, one, self.fit_of(one.ids)) for one, p in self.beyond_list.items())
+        return self.white.rms(np.asarray(sum(p * residual_of(one, fit) for p, one, fit in fits)))
 
     @property
     def enterable(self) -> float:

@@ -49,7 +49,8 @@ FAR_MM, ROUNDS = 0.1, 6
 STEEP = 100.0
 # What needs a cause of more than so many times its plausible size is no explanation.
 LARGEST = 30
-# A prior of the offsets counts in the evidence; they are found as if it were so many times as wide.
+# The prior of the offsets belongs to the evidence. Their values follow from the data alone: for
+# these it is so many times as wide.
 OF_ANY_SIZE = 1e3
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
@@ -148,16 +149,10 @@ class Fit(ReadOnly):
         width = self.offsets.size
         return self.covariance[:width, :width]
 
-    @property
-    def estimator(self) -> Floats:
-        """Derivatives of the offsets by the data, shape (3, k), with the noise that it has."""
-        return self.covariance[: len(self.start)] @ self.columns.T / self.sigma**2
-
-    @property
-    def stated_estimator(self) -> Floats:
-        """The same with the noise as stated, which the offsets are found with."""
-        covariance = self._at(self.stated)[1][: len(self.start)]
-        return np.asarray(covariance @ self.columns.T / self.stated**2)
+    def estimator(self, sigma: float) -> Floats:
+        """Derivatives of the offsets by the data if the noise of one reading is σ [mm], (p, k)."""
+        covariance = self._at(sigma)[1][: len(self.start)]
+        return np.asarray(covariance @ self.columns.T / sigma**2)
 
     @property
     def unread(self) -> Fit:
@@ -207,7 +202,7 @@ class Fit(ReadOnly):
         return read_only(self._at(self.stated)[0])
 
     def _at(self, sigma: float) -> tuple[Floats, Floats]:
-        """Mean and covariance of the unknowns with noise of σ [mm], the offsets of any size."""
+        """Mean and covariance of the unknowns if the noise of one reading is σ [mm]."""
         sizes = self.sizes.copy()
         sizes[: len(self.start)] *= OF_ANY_SIZE
         return condition(self.columns, self.unexpected, sizes, sigma, self._square)

@@ -149,8 +149,10 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    if explaining := () if shown_alone else diagnosis.causes if named else diagnosis.acting:
-        left_mm = explaining[0].rms_after_mm
+    if named and not shown_alone:
+        left_mm = diagnosis.causes[0].rms_after_mm
+    elif diagnosis.acting and not shown_alone:
+        left_mm = diagnosis.patterned_rms_mm
     else:
         left_mm = replace(solution, offsets_mm=chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
