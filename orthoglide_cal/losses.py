@@ -31,7 +31,7 @@ WRONG_STORY = 600.0
 # has made since is measured again. A quarter of a day.
 MISSED_CHANGE = 150.0
 # A cause is mentioned as not excluded: its name is read, in five seconds.
-MENTION = 0.075
+MENTION = 5.0 / 60.0
 
 # A session begins: stands are fetched, the machine is stopped and warmed up.
 SITTING = 30.0

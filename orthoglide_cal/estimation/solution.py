@@ -72,8 +72,14 @@ ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
 NEGLIGIBLE = 1e-6
-# Below this chance the residuals are called larger than the gauge's noise.
-SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
+
+
+def suspicious(needless_hold: float) -> float:
+    """The chance below which residuals are called larger than noise; the loss in minutes."""
+    return surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, needless_hold)
+
+
+SUSPICIOUS = suspicious(NEEDLESS_HOLD)
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
 

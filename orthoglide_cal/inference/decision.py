@@ -15,7 +15,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import probabilities
-from orthoglide_cal.estimation.solution import SUSPICIOUS, chance_of_residual
+from orthoglide_cal.estimation.solution import chance_of_residual, suspicious
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import MISFIT, Fit
@@ -27,7 +27,6 @@ from orthoglide_cal.losses import (
     FALSE_RELEASE,
     MENTION,
     MISSED_FAULT,
-    NEEDLESS_HOLD,
     OPEN_ANSWER,
     WRONG_NAME,
     is_likely,
@@ -149,7 +148,7 @@ class Decision(Belief):
         answer = max(answers, key=self.share, default=((),))
         # Of sets that are nearly as probable one of the record: whatever spoiled a reading, it is
         # wrong, and to look for a knock in vain costs more.
-        least = listed[answer[0]] * MISSED_FAULT / NEEDLESS_HOLD
+        least = listed[answer[0]] * MISSED_FAULT / self.needless_hold
         near = (ids for ids in answer if listed[ids] >= least)
         most = min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
         parts = [ids for ids in listed if ids and set(ids) < set(most)]
@@ -204,7 +203,7 @@ class Decision(Belief):
         plausible as not beforehand, to look for them would cost more than to miss them."""
         best = self.best
         adding = (ids for ids in self.listed if is_sizeless(ids, best) and self.is_open(ids))
-        least = math.log(self.white.machine.needless_hold / MISSED_FAULT)
+        least = math.log(self.needless_hold / MISSED_FAULT)
         return tuple(ids for ids in adding if self.gain(ids, best) < least)
 
     def nearly_dismissed(self, ids: Ids) -> bool:
@@ -216,18 +215,23 @@ class Decision(Belief):
     def _adds_little(self, ids: Ids, part: Ids) -> bool:
         """Return whether to look for what a set adds to a part of it costs more than to miss it."""
         both, alone = (self.share(self.answers[one]) for one in (ids, part))
-        return both * MISSED_FAULT < self.white.machine.needless_hold * alone
+        return both * MISSED_FAULT < self.needless_hold * alone
+
+    @property
+    def needless_hold(self) -> float:
+        """Loss if a fault is looked for, or corrected, that is not there [min]."""
+        return self.white.machine.needless_hold
 
     @property
     def wrong(self) -> bool:
         """True if to look for a fault costs less than to miss one."""
-        return is_likely(self.listed[()], MISSED_FAULT, self.white.machine.needless_hold)
+        return is_likely(self.listed[()], MISSED_FAULT, self.needless_hold)
 
     @property
     def surely_sound(self) -> bool:
         """True if nothing is wrong by so far that no fit of a cause can change it."""
         nothing = self.listed[()]
-        return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.white.machine.needless_hold
+        return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.needless_hold
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -239,12 +243,12 @@ class Decision(Belief):
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
             shaped = self.white.texture is not None
-            too_large = shaped and self.chance(self.fit_of(())) < SUSPICIOUS
+            too_large = shaped and self.chance(self.fit_of(())) < suspicious(self.needless_hold)
             return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
-        lost = self.beyond * OPEN_ANSWER > self.something * NEEDLESS_HOLD
+        lost = self.beyond * OPEN_ANSWER > self.something * self.needless_hold
         fit = self.fit_of(best)
         if lost or math.isinf(fit.log_evidence) or self._chance_beyond(fit) < MISFIT:
             return Verdict.UNEXPLAINED
@@ -262,7 +266,7 @@ class Decision(Belief):
         posture.
         """
         best = self.best
-        bearable = (NEEDLESS_HOLD if len(best) > 1 else OPEN_ANSWER) * self.something
+        bearable = (self.needless_hold if len(best) > 1 else OPEN_ANSWER) * self.something
         if (len(best) * WRONG_NAME + FALSE_RELEASE) * self.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
         losses = {one: self.loss_of_name(best, one) for one in self.beyond_list}
@@ -273,14 +277,14 @@ class Decision(Belief):
         fit, hows = self.fit_of(ids), {pattern.how for pattern in one.patterns}
         wrong = [CAUSES[id] for id in set(ids) - {*one.ids} - hows]
         parts = sum(cause.in_machine and cause.repeats for cause in wrong)
-        loss = parts * WRONG_NAME + (len(wrong) - parts) * NEEDLESS_HOLD
+        loss = parts * WRONG_NAME + (len(wrong) - parts) * self.needless_hold
         moved = self._moves(one, fit.offsets, fit.offsets_covariance)
         return loss + FALSE_RELEASE * (moved or bool(hows - CAUSES.keys() - PASSING))
 
     def kept(self, rival: Hypothesis, best: Hypothesis) -> float:
         """Probability relative to the explanation `best` from which a rival is left open."""
         if best.patterns:
-            return OPEN_ANSWER / NEEDLESS_HOLD
+            return OPEN_ANSWER / self.needless_hold
         if rival.patterns:
             loss = self.loss_of_name(best.ids, rival)
             return OPEN_ANSWER / loss if loss else math.inf

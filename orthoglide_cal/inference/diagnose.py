@@ -633,7 +633,8 @@ class Diagnosis(Decision):
         causes = [effect.cause for effect in fit.effects]
         if causes and not white.raw:
             count, unknowns = len(self.measured), sum(len(cause.names) for cause in causes)
-            yield Reason.of("few_differences", count=count, spare=count - 3, unknowns=unknowns)
+            spare = count - fit.offsets.size
+            yield Reason.of("few_differences", count=count, spare=spare, unknowns=unknowns)
         if white.raw and any(cause.placed and not cause.exchanges for cause in causes):
             yield Reason.of("measure_again")
         yield from self.remarks

@@ -122,6 +122,10 @@ def answer_to(
     real, shown_alone = judged if named else chosen, chosen is alone
     budget, offsets_only = chosen.budget, parameters_of(alone)
     parameters = offsets_only if shown_alone else parameters_of(chosen)
+    # What may be there unseen may leave less known of them than the readings alone do.
+    if decision.usable and (names := [one.name for one in parameters if not one.determined]):
+        reason, remedy = Reason.of("undetermined", names=names), Remedy.of("more_readings")
+        decision = Release(reasons=(reason,), remedies=(remedy,))
     decimals = machine.entered_decimals(budget.expanded_mm.tolist())
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
