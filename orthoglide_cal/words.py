@@ -97,7 +97,7 @@ def typed(value: float, decimals: int) -> str:
 
 
 def number(value: float) -> str:
-    """As few digits as it has: the number of an axis, or one that somebody stated."""
+    """Number with as few digits as it has: the number of an axis, or one that somebody stated."""
     return f"{value:g}".replace("-", "−")
 
 

@@ -66,7 +66,7 @@ def series_places(plan: GaugePlan) -> tuple[Place, ...]:
 
 
 def there(plan: GaugePlan, place: Place) -> Bools:
-    """Which readings are at such a place, shape (n,)."""
+    """True for readings at such a place, shape (n,)."""
     *where, part = place
     same = np.stack((plan.leg, plan.direction), axis=1)[:, : len(where)] == where
     return np.asarray(same.all(axis=1) & (plan.part == part))

@@ -54,7 +54,7 @@ class AxisGap(Cause):
 
 
 class AxisSquareness(Cause):
-    """How far the angles between pairs of axes fall short of 90°; the axes still meet."""
+    """Angles by which those between pairs of axes fall short of 90°; the axes still meet."""
 
     id = "axis_squareness"
     unit = "mrad"

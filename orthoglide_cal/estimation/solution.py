@@ -591,7 +591,7 @@ class Solution(OffsetEstimate):
 
     @property
     def residuals_mm(self) -> Floats:
-        """What the method leaves of the data that it compares, shape (k,)."""
+        """Remainder of the data that the method compares, shape (k,)."""
         if self.method.linear:
             predicted, jacobian = self.problem.at_zero
             predicted = predicted + jacobian @ self.offsets_mm
@@ -791,7 +791,7 @@ def promise(
         slower = replace(problem.plan, hours=(1.0 + PACE) * problem.plan.hours)
         sources.append((replace(later, plan=slower).predict(after) - left)[:, None])
     variance = scatter + (np.hstack(sources) ** 2).sum(axis=1)
-    # Effective degrees of freedom by Welch–Satterthwaite, all but the noise known without end.
+    # Effective degrees of freedom by Welch–Satterthwaite; of all but the noise infinitely many.
     factor = [half_width(known.noise.dof * ratio**2) for ratio in (variance / scatter).tolist()]
     reach = np.array(factor) * np.sqrt(variance)
     rows = np.stack((data, modelled, expected, reach), axis=1).tolist()

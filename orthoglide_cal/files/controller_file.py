@@ -160,7 +160,7 @@ class ControllerFile(ABC):
         raise UsageError(problem, f"Nothing was changed. Restore these values by hand: {by_hand}")
 
     def differing(self, expected: Mapping[str, str]) -> str:
-        """Which values, by their keys there, are others than these, in words; "" for none."""
+        """Values, by their keys there, that are others than these, in words; "" for none."""
         held = {value.key: value.before for value in self.settings.values()}
         return " ".join(
             f"{key} holds {held.get(key, 'nothing')} instead of {value}."

@@ -117,7 +117,7 @@ class Input:
 
     @property
     def moment(self) -> datetime | None:
-        """When it was measured: as it says, else as its name says."""
+        """Time when it was measured: as it says, else as its name says."""
         named = _IN_NAME.search(self.name)
         name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
         with suppress(ValueError):

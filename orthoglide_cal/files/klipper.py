@@ -159,7 +159,7 @@ class Settings(Content):
         self.sections |= sections
 
     def place(self, path: Steps) -> Place:
-        """Where an option stands, or its section."""
+        """Place of an option, or of its section."""
         section, option = map(str, path)
         line, text = self.options[section].get(option, (self.sections.get(section), ""))
         return line, f"{option} of [{section}]", " ".join(text.split()) or None

@@ -206,7 +206,7 @@ def shipped_machine(kind: str) -> Path:
 
 
 def shipped_folder() -> Path:
-    """Where the machine files are that come with the program; they are never changed."""
+    """Folder of the machine files that come with the program; they are never changed."""
     package = Path(str(files("orthoglide_cal")))
     # In a wheel the folder lies inside the package, in a source checkout beside it.
     inside = package / "configs"
@@ -443,7 +443,7 @@ def _unified(document: FileText) -> tuple[str, str]:
 
 
 def _span(text: str, key: str) -> tuple[int, int]:
-    """Where the lines of a key at the top stand, or would; a new one comes last but `complete`."""
+    """Span of the lines of a key at the top, or its place; a new one comes last but `complete`."""
     lines = rf"^{key}:.*\n?(?:(?:[ \t]*\n)*[ \t-].*\n?)*|^(?=complete:)|\Z"
     return next(re.finditer(lines, text, re.MULTILINE)).span()
 

@@ -330,7 +330,7 @@ class Table(Content):
         return parse_number(text, decimal_comma=self.delimiter != ",")
 
     def place(self, path: Steps) -> Place:
-        """Where a row stands, or a cell of it."""
+        """Place of a row, or of a cell of it."""
         cells = self.rows[int(path[0])]
         column = str(path[1]) if len(path) > 1 else ""
         return self.lines[path[:1]], column or None, cells.get(column)
@@ -432,7 +432,7 @@ class Rows(Generic[R]):
 
     @property
     def source(self) -> Source:
-        """Where they come from: the file, simulated if any of them is."""
+        """Source of them: the file, simulated if any of them is."""
         simulated = any("simulated" in cells for cells in self.cells)
         return replace(self.content.document.source, simulated=simulated)
 
@@ -442,7 +442,7 @@ class Rows(Generic[R]):
 
     @property
     def sound(self) -> list[tuple[int, R]]:
-        """Those without a fault so far, with their places in the file."""
+        """Readings without a fault so far, with their places in the file."""
         return [(index, row) for index, row in enumerate(self.rows) if row is not None]
 
     def checked(self) -> list[R]:
@@ -595,7 +595,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
 
 
 def row_at(cell: PlannedReading, posture: str, *, several: bool) -> ReadingRow:
-    """Where the gauge of a planned reading, of one or `several` parts, stands if not as usual."""
+    """Place of the gauge of a planned reading, of one or `several` parts, if not as usual."""
     fixed = cell.contact is Contact.FIXED
     return ReadingRow(
         leg=AXES[cell.leg],

@@ -118,7 +118,7 @@ class Content:
         return None
 
     def place(self, path: Steps) -> Place:
-        """Where the node at `path` stands; of one that is missing, where its parent does."""
+        """Place where the node at `path` stands; of one that is missing, where its parent does."""
         there = path
         while there and there not in self.lines:
             there = there[:-1]

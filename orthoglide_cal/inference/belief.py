@@ -37,7 +37,7 @@ class Evidence(NamedTuple):
 
     @classmethod
     def of(cls, fit: Fit) -> Self:
-        """What is kept of a fit."""
+        """Take over what is kept of a fit."""
         return cls(fit.log_evidence, fit.log_likelihood, unit_of(fit.effects))
 
 

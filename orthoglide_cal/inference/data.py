@@ -328,7 +328,7 @@ def places_of(problem: Problem, cause: Cause) -> Placed:
 
     Each place with ln of what the density of the data there is multiplied by: its prior share; and
     where the data were put into another unit, the factor of each number beyond the offsets: the
-    size of the offsets is judged in no unit.
+    size of the offsets does not count, in whatever unit.
     """
     plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
     spare = len(matrix) - len(machine.parameter_names)
@@ -405,7 +405,7 @@ class Linearised(ReadOnly):
             if influence.source in by_cause:
                 shown = unexplained(jacobian, influence.columns)
                 if np.linalg.norm(shown) > noise.stated:
-                    # It has a name of its own for what shows: what offsets imitate is carried.
+                    # What shows of it may be named as a cause; what offsets imitate stays uncertain.
                     uncertain[number] = replace(influence, columns=influence.columns - shown)
         others = fit.offsets_mm[1:], fit.residuals_mm[1:]
         fitted, residuals = map(np.vstack, zip((offsets, left), others, strict=True))
@@ -419,7 +419,7 @@ class Linearised(ReadOnly):
 
     @cached_property
     def usual(self) -> Mapping[float, float]:
-        """Those up to `BESIDE`, and shares: two causes of any size follow nearly any pattern."""
+        """Scales up to `BESIDE`, and shares: two causes of any size follow nearly any pattern."""
         few = {scale: share for scale, share in self.scales.items() if scale <= BESIDE}
         return {scale: share / sum(few.values()) for scale, share in few.items()}
 

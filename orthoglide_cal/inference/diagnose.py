@@ -94,7 +94,7 @@ class Diagnosis(Decision):
         return self.fit_of(ids)
 
     def refutation(self, later: Later) -> Reason | None:
-        """How later readings refute all sets that are named or left open, if they do."""
+        """Return how later readings refute all sets that are named or left open, if they do."""
         sets = (self.accepted, *(self.rival_sets if self.verdict is Verdict.AMBIGUOUS else ()))
         if not all(any(CAUSES[id].lasting for id in ids) for ids in sets):
             return None  # something else may have acted that day

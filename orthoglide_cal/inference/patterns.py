@@ -111,7 +111,7 @@ def _drifts(plan: Plan, fine: bool, periods: Floats | None = None) -> Columns:
 
 
 def _settles(plan: Plan, fine: bool, constants: Floats | None = None) -> Columns:
-    """From each set-up on, to rest."""
+    """Shapes that begin with each set-up and come to rest."""
     since, longest = _clock(plan)
     if constants is None:
         constants = longest * np.geomspace(*SETTLING, FINE if fine else COARSE)
@@ -154,7 +154,7 @@ def pattern_candidates(fit: Fit, *, fine: bool) -> list[list[Pattern]]:
 
 
 def _lags(plan: Plan, readings: Floats, noise_mm: float) -> Columns:
-    """By the direction in which the plunger moved last: half of it behind.
+    """Shapes by the direction in which the plunger moved last: half of it behind.
 
     `readings` are expected, (n,) [mm]; of small movements the sign is uncertain.
     """

@@ -95,7 +95,7 @@ def expect(
 
 
 def _alike(before: Floats, after: Floats) -> Bools:
-    """Which of the columns (n, q) of a pattern is which of those that it has then, (n, r): (q, r).
+    """Match columns (n, q) of a pattern with those that it has then, (n, r); shape (q, r).
 
     The same but for what the movements of a plunger that are expected differ by.
     """

@@ -76,7 +76,7 @@ class Gauge(Instrument):
         return self.revolution_mm or 0.0
 
     def doubts(self, measured: Measured) -> tuple[Reason, ...]:
-        """Of differences: neither readings nor means of them have such decimals."""
+        """Doubts about differences: neither readings nor means of them have such decimals."""
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
         value, step = measured.value, self.resolution_mm
@@ -97,7 +97,7 @@ class Gauge(Instrument):
         return {name: Reason.of(f"gauge_{name}", **values) for name in wrong if wrong[name]}
 
     def mistaken_unit(self, measured: Measured) -> float | None:
-        """As of any instrument; differences do not show it."""
+        """Unit as of any instrument; differences do not show it."""
         if not isinstance(measured, Readings) or _ordinary(measured, 1.0, self):
             return None
         for unit in UNITS:
@@ -196,7 +196,7 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
 
 
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:
-    """Where values [mm] miss all divisions of `step` [mm] by more than this fraction of one."""
+    """Values [mm] that miss all divisions of `step` [mm] by more than this fraction of one."""
     return np.asarray(np.abs(value / step - np.rint(value / step)) > allowed)
 
 

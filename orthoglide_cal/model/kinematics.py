@@ -67,7 +67,7 @@ class Geometry(ReadOnly):
 
 @dataclass(frozen=True, eq=False)
 class Command(ReadOnly):
-    """Where the controller sends the carriages, for n readings or positions."""
+    """Places to which the controller sends the carriages, for n readings or positions."""
 
     joints: Floats  # indicated joint positions ρ, shape (n, 3) [mm]
     home: float  # joint position from which travel counts [mm]
@@ -77,7 +77,7 @@ class Command(ReadOnly):
 
     @cached_property
     def sent(self) -> Floats:
-        """Where the joints would indicate to be had nothing been entered, shape (n, 3) [mm]."""
+        """Joints as they would be indicated had nothing been entered, shape (n, 3) [mm]."""
         return read_only(self.joints - self.entered)
 
     @staticmethod
@@ -112,7 +112,7 @@ class RealMachine:
     still: bool  # none of them does: the offsets alone move the carriages
 
     def joints(self, command: Command, offsets: Numbers) -> Numbers:
-        """Where the carriages really stand, shape (..., n, 3) [mm].
+        """Places where the carriages really stand, shape (..., n, 3) [mm].
 
         True joint position = indicated + Δρ − entered, with `offsets` Δρ, shape (..., 3) [mm].
         """

@@ -189,7 +189,7 @@ class ProbePlan(Plan):
 
     @cached_property
     def movers(self) -> Bools:
-        """As of any plan, with those of each region of the bed."""
+        """Places as of any plan, with those of each region of the bed."""
         regions = [rows for where, rows in self.wheres(True) if where]
         return read_only(np.stack([*super().movers, *regions]), np.bool_)
 

@@ -154,7 +154,7 @@ class Details(Schema):
 
 
 class SimulationOptions(NamedTuple):
-    """How synthetic readings are to be taken; None where nobody says."""
+    """Wishes for synthetic readings; None where nobody says."""
 
     cycles: int | None = None
     protocol: Literal["double", "single"] | None = None
@@ -492,7 +492,7 @@ class Machine(Schema):
 
     @property
     def travel_mm(self) -> float:
-        """How far a carriage can move, about [mm]."""
+        """Travel of a carriage, about [mm]."""
         low, high = self.limits_mm
         return high - low
 

@@ -34,7 +34,7 @@ class Difference(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As the paper writes it, direction first, leg second: "dy_x", "dy_x+", "dz_x0"."""
+        """Name as the paper writes it, direction first, leg second: "dy_x", "dy_x+", "dz_x0"."""
         return "d" + self.series.name + (_SIGNS[self.posture] if self.posture else "")
 
 
@@ -55,7 +55,7 @@ DIFFERENCES: Mapping[DataKind, tuple[Difference, ...]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Excerpt:
-    """What was read of a file that stores several measurements."""
+    """Part that was read of a file with several measurements."""
 
     data: str  # its name: "calibration" or "mesh"
     words: str  # how much of what
@@ -66,7 +66,7 @@ class Excerpt:
 
 @dataclass(frozen=True)
 class Source:
-    """Where data came from."""
+    """Origin of data."""
 
     path: str  # as the user gave it; "-" for standard input
     sha256: str  # hex digest of the bytes that were read

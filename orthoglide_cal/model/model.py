@@ -189,7 +189,7 @@ class Cause:
         return self.shares[0].count(1.0) if self.shares else self.unknowns
 
     def places(self, plan: AnyPlan, machine: Machine) -> tuple[Place, ...]:
-        """Where it may act on these readings; the whole machine by default."""
+        """Places where it may act on these readings; the whole machine by default."""
         return (EVERYWHERE,)
 
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
@@ -201,7 +201,7 @@ class Cause:
         return ()
 
     def share(self, place: Place) -> float:
-        """How likely it is at a place; 1 at most places."""
+        """Weight of a place; 1 at most places."""
         return 1.0
 
     def several(self, count: int) -> Self:

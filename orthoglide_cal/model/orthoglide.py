@@ -302,7 +302,7 @@ class Orthoglide(Machine):
         return Suspicion(fault, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
-        """Where the carriages are sent; errors as of `joints_at`."""
+        """Commands for the carriages; errors as of `joints_at`."""
         return _command(self, plan)
 
     def sensed(
@@ -390,7 +390,7 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
 def _touched(
     points: Points, plan: GaugePlan, command: Command, moment: Ints, set_up: Ints
 ) -> GaugeResponse:
-    """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
+    """Places where the gauges touch the legs (Table 2, eqs. 18–24, errata).
 
     When each reading was taken and when its gauge was set up are moments of the points, (n,); only
     the offsets move the latter. In closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and
@@ -481,12 +481,12 @@ class PlannedReading(NamedTuple):
 
     @property
     def words(self) -> str:
-        """How it is taken; empty: by a gauge that is set up, a session says how."""
+        """Words for how it is taken; empty: by a gauge that is set up, a session says how."""
         return ""
 
     @property
     def place(self) -> tuple[float, ...]:
-        """Where its gauge stands: (part, leg, direction, place along the leg, bar turned).
+        """Place of its gauge: (part, leg, direction, place along the leg, bar turned).
 
         Both ends of a leg share a zero. No plunger stays where it was while its bar is turned.
         """

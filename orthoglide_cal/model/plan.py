@@ -150,12 +150,12 @@ class Plan(ABC):
 
     @property
     def touches(self) -> Bools:
-        """Which of them are touches of a bed, shape (n,); none by default."""
+        """True for touches of a bed, shape (n,); none by default."""
         return np.zeros(len(self), dtype=np.bool_)
 
     @property
     def spots(self) -> Floats:
-        """Where the tool is sent for each of them, (n, 3) [mm]; NaN for a gauge on a leg."""
+        """Place of the tool for each of them, (n, 3) [mm]; NaN for a gauge on a leg."""
         return np.full((len(self), 3), np.nan)
 
     @property

@@ -23,7 +23,7 @@ class Series(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As the paper writes it, direction first, leg second: "y_x"."""
+        """Name as the paper writes it, direction first, leg second: "y_x"."""
         return f"{AXES[self.direction]}_{AXES[self.leg]}"
 
     @property
@@ -38,7 +38,7 @@ def other_axes(leg: int) -> tuple[int, int]:
 
 
 class Posture(StrEnum):
-    """Where the carriage of the leg stands: at its isotropic place or at an end of its travel."""
+    """Place of the carriage of the leg: at its isotropic place or at an end of its travel."""
 
     ISO = "iso"
     MAX = "max"
@@ -46,7 +46,7 @@ class Posture(StrEnum):
 
 
 class Contact(IntEnum):
-    """Where a gauge touches the leg."""
+    """Place where a gauge touches the leg."""
 
     FIXED = 0  # stand fixed in space, the leg moves under it (double-posture protocol)
     JOINT = 1  # at the carriage joint of the leg (single-posture protocol)
@@ -136,7 +136,7 @@ class GaugePlan(Plan):
         return alike(self.setup, *where, *self.state)[1]
 
     def subset(self, chosen: Ints | Bools) -> Self:
-        """As of any plan; set-ups are renumbered."""
+        """Subset as of any plan; set-ups are renumbered."""
         part = super().subset(chosen)
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
 

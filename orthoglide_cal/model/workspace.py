@@ -1,4 +1,4 @@
-"""How far the tool is from where the controller believes it to be, and how to compensate that.
+"""Distance of the tool from where the controller believes it to be, and its compensation.
 
 The controller commands ρ = inverse kinematics of p on the nominal machine; the tool goes to p' =
 direct kinematics of the real one at ρ + Δρ. The error is |p' − p|; after the offsets are entered,

@@ -41,7 +41,7 @@ Removed = Sequence[tuple[str, Estimate]]
 
 
 class Adjustment(Estimate):
-    """How a parameter of a cause is corrected."""
+    """Correction of a parameter of a cause."""
 
     loosen: str  # what is loosened
     move: str  # what is pushed then

@@ -45,7 +45,7 @@ GIVES_UP = (
 
 
 class MeasuringProtocol(StrEnum):
-    """How the readings are taken (sec. 3.3 and 3.2)."""
+    """Protocol by which the readings are taken (sec. 3.3 and 3.2)."""
 
     DOUBLE = "double-posture"
     SINGLE = "single-posture"
@@ -173,14 +173,14 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
 
 
 def gauge_moves(steps: Sequence[SessionStep]) -> int:
-    """How often a stand has to be put to another place, the first time not counted."""
+    """Number of times that a stand is put to another place, the first time not counted."""
     by_stand = sorted(steps, key=attrgetter("stand"))
     places = [(step.stand, step.zero, step.cell.contact) for step in by_stand]
     return sum(one[0] == other[0] and one != other for one, other in pairwise(places))
 
 
 def clock(steps: Sequence[SessionStep]) -> list[float]:
-    """When each of n steps is read, the first one set up, and when all are, (n + 1,) [min]."""
+    """Moments of n steps from the set-up of the first, and of the end, (n + 1,) [min]."""
     turned: set[tuple[int, int]] = set()
     times, now = [], 0.0
     for before, step in zip((*steps[:1], *steps), steps, strict=False):

@@ -127,7 +127,7 @@ def _codes(new: LinearDelta, marlin: bool = False) -> Iterator[str]:
 
 
 def _linuxcnc(new: LinearDelta) -> Iterator[str]:
-    """Of lineardeltakins, whose towers stand at 90, 210 and 330 degrees."""
+    """Values of lineardeltakins, whose towers stand at 90, 210 and 330 degrees."""
     arm, radius = float(np.mean(new.arm_length_mm)), new.delta_radius_mm
     yield f"setp lineardeltakins.R {_number(radius)}"
     yield f"setp lineardeltakins.L {_number(arm)}"
@@ -146,7 +146,7 @@ _LINES: Mapping[str, Callable[[LinearDelta], Iterator[str]]] = {
 
 
 def _notes(format: str, new: LinearDelta, case: Case) -> Iterator[str]:
-    """What the firmware has no setting for, and where its lines go."""
+    """Sentences on what the firmware has no setting for, and where its lines go."""
     texts = FIRMWARES[format]
     yield texts["lacks"]
     for id in dict.fromkeys(cause.id for cause in case.known):

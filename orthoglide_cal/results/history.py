@@ -77,7 +77,7 @@ class Change(Schema):
 
 
 class Reached(Schema):
-    """When a limit is reached, if the best values are entered now."""
+    """Time when a limit is reached, if the best values are entered now."""
 
     limit_mm: float
     scatter_exceeds: tuple[str, ...]  # parameters; 95 % of their scatter
@@ -271,7 +271,7 @@ def _standing(sessions: Sequence[_Session]) -> list[Ids]:
 def _reached(
     limit_mm: float, now: Sizes, rates: Sizes, scatter: Sizes, last: datetime | None
 ) -> Reached:
-    """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
+    """Time when the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
     beyond = tuple(s.name for s in scatter if s.unit == "mm" and s.expanded > limit_mm)
     std, days = {size.name: size.std for size in now}, dict[str, float]()
     for rate in (rate for rate in rates if rate.unit == "mm"):

@@ -122,7 +122,7 @@ class Adjusted(Schema):
         return self.readings_mm.get(Phase.PUSHED, self.readings_mm.get(Phase.LOOSE, 0.0))
 
     def to_go_mm(self, now: float) -> float:
-        """How far the gauge must move from a reading, with its sign; 0 within U."""
+        """Distance that the gauge must move from a reading, with its sign; 0 within U."""
         away = (self.target_mm or 0.0) - now
         return away if abs(away) > self.adjustment.expanded_mm else 0.0
 

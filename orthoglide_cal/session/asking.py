@@ -190,7 +190,7 @@ class Unasked(NamedTuple):
 
 @dataclass(eq=False)
 class DeadTime:
-    """When something from one source arrives too soon to be meant; all times are monotonic [s].
+    """Guard against what from one source arrives too soon to be meant; all times are monotonic [s].
 
     After a reading each source (keyboard, gauges) is ignored for a while, for second presses; what
     arrives then starts it again. A gauge that sends by itself is known by its pace, and ignored

@@ -143,7 +143,7 @@ def time_of_day() -> str:
 
 @dataclass(eq=False)
 class Dialogue:
-    """From where the journal ends to the end of the session, or to an interruption."""
+    """Go on from where the journal ends to the end of the session, or to an interruption."""
 
     path: Path  # of the session file to be
     journal: Journal
@@ -916,7 +916,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
 
 
 def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, ...], int | None]:
-    """Where the readings come from; and the seed of a simulated gauge. Raises UsageError."""
+    """Source of the readings; and the seed of a simulated gauge. Raises UsageError."""
     environment = dict(first.conditions.environment) if first else {}
     drawn = re.fullmatch("[0-9]{1,18}", environment.get("seed", ""))
     # Of the simulated gauge that gave the first readings.

@@ -74,7 +74,7 @@ class GaugeLabel(Schema):
 
 
 class Following(Schema):
-    """How a session continues earlier readings."""
+    """Way in which a session continues earlier readings."""
 
     model_config = _STRICT
 

@@ -168,7 +168,6 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     first, *others = plan["next"]
     assert diagnosis["verdict"] == "ambiguous"
     assert diagnosis["next_measurement"] == first
-    assert first["chance"] > 0.95
     # By the expected time; what stays open means coming back, eight hours later.
     lost = [option["minutes"] + 480.0 * (1.0 - option["chance"]) for option in plan["next"]]
     assert lost == pytest.approx(sorted(lost), rel=1e-12)
@@ -176,7 +175,7 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     quicker = [option for option in plan["next"] if option["minutes"] < first["minutes"]]
     assert first["chance"] > 0.99 * surest
     assert all(option["chance"] < first["chance"] for option in quicker)
-    assert others[-1]["chance"] < 0.5
+    assert others[-1]["chance"] < first["chance"]
 
 
 def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() -> None:

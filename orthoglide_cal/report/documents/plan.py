@@ -261,7 +261,7 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
-    """Which causes the readings can distinguish: the lower half of a table of their distances."""
+    """Causes that the readings can distinguish: the lower half of a table of their distances."""
     names, letters = [*plan.trace], string.ascii_uppercase
     sigma = {pair.causes: pair.sigma for pair in plan.separation}
     rows: list[list[doc.Blank]] = []

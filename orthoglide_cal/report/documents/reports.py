@@ -543,7 +543,7 @@ def _stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Mark
 def _circumstances(
     of: InputFile, validity: Validity, machine: Machine
 ) -> list[tuple[str, doc.Blank]]:
-    """When a measurement was, what is noted at such a machine, and the data."""
+    """Rows for when a measurement was, what is noted at such a machine, and the data."""
     gauges: list[doc.Inline] = []
     for gauge in validity.gauges:
         gauges += ["; " if gauges else "", doc.given(gauge.id)]
