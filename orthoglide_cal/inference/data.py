@@ -405,7 +405,7 @@ class Linearised(ReadOnly):
             if influence.source in by_cause:
                 shown = unexplained(jacobian, influence.columns)
                 if np.linalg.norm(shown) > noise.stated:
-                    # What shows of it may be named as a cause; what offsets imitate stays uncertain.
+                    # What shows may be named as a cause; what offsets imitate stays uncertain.
                     uncertain[number] = replace(influence, columns=influence.columns - shown)
         others = fit.offsets_mm[1:], fit.residuals_mm[1:]
         fitted, residuals = map(np.vstack, zip((offsets, left), others, strict=True))
