@@ -12,7 +12,7 @@ from orthoglide_cal.estimation.solution import (
     solve_by,
 )
 from orthoglide_cal.inference.data import NOTHING, Linearised, Whitened
-from orthoglide_cal.inference.fit import fit_hypothesis
+from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
@@ -22,7 +22,7 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     """Identify the joint offsets by a method of this name; None: the default of such data.
 
     All readings at once are weighted by what is uncertain of them in addition to noise, such as
-    where along its leg each gauge stands; the paper's methods are as the paper has them.
+    where along its leg each gauge stands; the methods of the paper know no weights.
 
     Raises UsageError: the method does not exist or cannot use these data. UnusableResultError: the
     data do not determine the offsets, with what to add; no optimum was found; no machine has these
@@ -36,9 +36,14 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     # What was fitted to these readings is no unknown of a fit to them.
     accepted = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
     white = Whitened.of(measured, replace(model, accepted=tuple(accepted)))
-    fit = fit_hypothesis(Hypothesis(Linearised.of(white, NOTHING), 0.0))
-    uncertain = slice(fit.first_uncertain, None)
+    nothing = Hypothesis(Linearised.of(white, NOTHING), 0.0)
+    return solution_of(fit_hypothesis(nothing), measured, model)
+
+
+def solution_of(fit: Fit, measured: Measured, model: Model) -> Solution:
+    """The fit of the empty hypothesis to all readings at once, with its uncertainty budget."""
+    white, uncertain = fit.white, slice(fit.first_uncertain, None)
     in_noise = fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated)
     problem, data = replace(white.problem, model=model).weighted(in_noise, white.data)
     estimator, scale = fit.estimator(fit.stated) @ white.matrix, fit.scale_factor
-    return conclude(chosen, measured, problem, data, fit.offsets, estimator, scale)
+    return conclude(Method.READINGS, measured, problem, data, fit.offsets, estimator, scale)

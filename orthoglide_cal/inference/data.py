@@ -361,6 +361,8 @@ class Linearised(ReadOnly):
     versions: Floats  # the data as recorded, then with each relabelling undone, (v, k) [mm]
     offsets: Floats  # fitted to each version, shape (v, 3) [mm]
     residuals: Floats  # what is left then, shape (v, k) [mm]
+    # False if something uncertain is left out because it shows, and may be named as a cause.
+    complete: bool
 
     @classmethod
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
@@ -401,16 +403,28 @@ class Linearised(ReadOnly):
         columns, ends = white.matrix @ np.hstack(slopes), np.cumsum([s.shape[1] for s in slopes])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         by_cause = {cause.id: slope for cause, slope in zip(broad, jacobians, strict=True)}
+        complete = True
         for number, influence in enumerate(uncertain):
             if influence.source in by_cause:
                 shown = unexplained(jacobian, influence.columns)
                 if np.linalg.norm(shown) > noise.stated:
-                    # What shows may be named as a cause; what offsets imitate stays uncertain.
-                    uncertain[number] = replace(influence, columns=influence.columns - shown)
-        others = fit.offsets_mm[1:], fit.residuals_mm[1:]
-        fitted, residuals = map(np.vstack, zip((offsets, left), others, strict=True))
-        data = (one[fit.converged] for one in (versions, fitted, residuals))
-        return cls(white, candidates, noise, extras, jacobian, by_cause, tuple(uncertain), *data)
+                    # What offsets imitate stays uncertain.
+                    columns, complete = influence.columns - shown, False
+                    uncertain[number] = replace(influence, columns=columns)
+        rows = fit.converged
+        return cls(
+            white=white,
+            candidates=candidates,
+            noise=noise,
+            extras=extras,
+            jacobian=jacobian,
+            jacobians=by_cause,
+            uncertain=tuple(uncertain),
+            versions=versions[rows],
+            offsets=np.vstack((offsets, fit.offsets_mm[1:]))[rows],
+            residuals=np.vstack((left, fit.residuals_mm[1:]))[rows],
+            complete=complete,
+        )
 
     @property
     def scales(self) -> Mapping[float, float]:

@@ -19,8 +19,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import Solution, scatter_of_repeats
-from orthoglide_cal.inference.alone import solve
+from orthoglide_cal.estimation.solution import Solution, fitted_here, scatter_of_repeats
+from orthoglide_cal.inference.alone import solution_of, solve
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
@@ -105,6 +105,9 @@ class Diagnosis(Decision):
     @cached_property
     def alone(self) -> Solution:
         """The calibrated parameters alone."""
+        known = self.white.raw and self.at.complete and not fitted_here(self.measured, self.model)
+        if known:
+            return solution_of(self.fit_of(()), self.measured, self.model)
         return solve(self.measured, self.model)
 
     def alone_with(self, scale_factor: float) -> Fit:
