@@ -11,6 +11,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.fit import HeldOut, leave_out, left_out
@@ -146,6 +147,15 @@ def test_a_stated_size_hides_nothing(seed: int) -> None:
     hidden = with_legs((0.3, 0.0, 0.0), 1.0, seed)
     assert hidden.verdict is Verdict.CONSISTENT
     assert np.all(hidden.std_mm > 0.9)
+
+
+def test_the_parameters_alone_are_the_same_whatever_may_be_named() -> None:
+    """Legs of which 0.2 mm are plausible, and would show: they are uncertain all the same."""
+    found = with_legs((0.0, 0.0, 0.0), 0.2, 1)
+    alone, solved = found.alone, solve(found.measured, found.model)
+    assert not found.at.complete
+    assert alone.offsets_mm == pytest.approx(solved.offsets_mm, rel=1e-12)
+    assert alone.budget.expanded_mm == pytest.approx(solved.budget.expanded_mm, rel=1e-12)
 
 
 def test_what_only_a_size_beyond_all_scales_explains_is_unexplained() -> None:
