@@ -274,6 +274,8 @@ class Fit(ReadOnly):
         return np.asarray(general * shrink(values, texture.axes, factors) / sigma)
 
 
+# Parameters that no machine has show as NaN, and are refused there; warnings would say no more.
+@np.errstate(invalid="ignore")
 def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) -> Fit:
     """Fit an explanation by Gauss–Newton with its priors, then judge it there.
 
