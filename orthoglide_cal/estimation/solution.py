@@ -44,8 +44,8 @@ from orthoglide_cal.estimation.budget import (
     influences,
 )
 from orthoglide_cal.estimation.gaussian import shrink, shrinking, unexplained, whiten, whiten_shared
-from orthoglide_cal.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
-from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.losses import MISSED_FAULT, surprising
+from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
     DataKind,
@@ -74,12 +74,11 @@ FIRST_DAMPING = 1e-3
 NEGLIGIBLE = 1e-6
 
 
-def suspicious(needless_hold: float) -> float:
-    """The chance below which residuals are called larger than noise; the loss in minutes."""
-    return surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, needless_hold)
+def suspicious(machine: Machine) -> float:
+    """The chance below which residuals are called larger than noise."""
+    return surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, machine.needless_hold)
 
 
-SUSPICIOUS = suspicious(NEEDLESS_HOLD)
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.
 PACE = 0.1
 
@@ -690,7 +689,7 @@ def conclude(
     """
     model, plan, gauge = problem.model, problem.plan, problem.model.machine.instrument
     here = fitted_here(measured, model)
-    uncertain = [one.times(scale_factor) for one in influences(model, offsets, plan)]
+    uncertain = [one.scaled(scale_factor) for one in influences(model, offsets, plan)]
     left = [influence for influence in uncertain if influence.source not in here]
     stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(one.rest for one in left)))
     # Noise of one reading is what no offsets explain, of raw data in all readings, whatever the

@@ -1,7 +1,12 @@
 """The calibrated parameters alone: the fit of the empty hypothesis, or a method of the paper."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
+import numpy as np
+
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.solution import (
     Method,
     Solution,
@@ -14,6 +19,7 @@ from orthoglide_cal.estimation.solution import (
 from orthoglide_cal.inference.data import NOTHING, Linearised, Whitened
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
 
@@ -32,12 +38,29 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     chosen = choose_method(measured, method)
     if chosen is not Method.READINGS:
         return solve_by(chosen, measured, model)
-    here = fitted_here(measured, model)
-    # What was fitted to these readings is no unknown of a fit to them.
-    accepted = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
-    white = Whitened.of(measured, replace(model, accepted=tuple(accepted)))
-    nothing = Hypothesis(Linearised.of(white, NOTHING), 0.0)
-    return solution_of(fit_hypothesis(nothing), measured, model)
+    known = model
+    if here := fitted_here(measured, model):
+        # What was fitted to these readings is no unknown of a fit to them.
+        own = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
+        known = replace(model, accepted=tuple(own))
+    with weighing(model.machine):
+        nothing = Hypothesis(Linearised.of(Whitened.of(measured, known), NOTHING), 0.0)
+        return solution_of(fit_hypothesis(nothing), measured, model)
+
+
+@contextmanager
+def weighing(machine: Machine) -> Iterator[None]:
+    """Raise UnusableResultError for data that noise and sizes of causes leave no digit of."""
+    try:
+        # What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
+        with np.errstate(invalid="ignore"):
+            yield
+    except np.linalg.LinAlgError as error:
+        raise UnusableResultError(
+            "These data cannot be weighed: the gauge's stated noise"
+            f" ({machine.instrument.noise_mm:.2g} mm) is out of all proportion to the readings.",
+            "Check gauge and tolerances in the machine file.",
+        ) from error
 
 
 def solution_of(fit: Fit, measured: Measured, model: Model) -> Solution:

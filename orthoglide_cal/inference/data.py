@@ -359,7 +359,8 @@ class Linearised(ReadOnly):
     # What is uncertain of the data in addition to noise and causes, as recorded.
     uncertain: tuple[Influence, ...]
     versions: Floats  # the data as recorded, then with each relabelling undone, (v, k) [mm]
-    offsets: Floats  # fitted to each version, shape (v, 3) [mm]
+    # Fitted to each version, (v, 3) [mm]; to the first weighted by what is uncertain, too.
+    offsets: Floats
     residuals: Floats  # what is left then, shape (v, k) [mm]
     # False if something uncertain is left out because it shows, and may be named as a cause.
     complete: bool

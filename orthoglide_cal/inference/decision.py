@@ -18,7 +18,7 @@ from orthoglide_cal.estimation.gaussian import probabilities
 from orthoglide_cal.estimation.solution import chance_of_residual, suspicious
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.fit import MISFIT, Fit
+from orthoglide_cal.inference.fit import Fit, misfit
 from orthoglide_cal.inference.hypothesis import LOST, Hypothesis, score_all
 from orthoglide_cal.inference.patterns import PASSING, fits_of
 from orthoglide_cal.inference.result import Verdict
@@ -243,14 +243,14 @@ class Decision(Belief):
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
             shaped = self.white.texture is not None
-            too_large = shaped and self.chance(self.fit_of(())) < suspicious(self.needless_hold)
+            too_large = shaped and self.chance(self.fit_of(())) < suspicious(self.white.machine)
             return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
         lost = self.beyond * OPEN_ANSWER > self.something * self.needless_hold
         fit = self.fit_of(best)
-        if lost or math.isinf(fit.log_evidence) or self._chance_beyond(fit) < MISFIT:
+        if lost or math.isinf(fit.log_evidence) or not self._leaves_noise(fit):
             return Verdict.UNEXPLAINED
         if self.is_nameable:
             return Verdict.AMBIGUOUS if self._others else Verdict.NAMED
@@ -315,16 +315,18 @@ class Decision(Belief):
             rivals = ()
         return tuple(dict.fromkeys(id for ids in rivals for id in ids if id not in self.best))
 
-    def _chance_beyond(self, fit: Fit) -> float:
-        """Chance that noise leaves more than a fit does, as large as its statement may mean."""
+    def _leaves_noise(self, fit: Fit) -> bool:
+        """Return whether a fit leaves no more than noise, as large as its statement may mean."""
         at = self.at
         # A fit with priors takes up as many degrees of freedom as the trace of its hat matrix.
         taken = float(np.trace(fit.covariance @ fit.columns.T @ fit.columns)) / fit.sigma**2
         square, dof = float(fit.residual @ fit.residual), len(at.white) - taken
         if at.white.texture is not None:
-            return chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
-        by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
-        return float(np.exp(at.noise.log_weight) @ by_noise)
+            chance = chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
+        else:
+            by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
+            chance = float(np.exp(at.noise.log_weight) @ by_noise)
+        return chance >= misfit(at.white.machine)
 
     def chance(self, fit: Fit) -> float:
         """Chance that noise as stated leaves more than a fit of the parameters alone does."""

@@ -19,18 +19,18 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import Solution, fitted_here, scatter_of_repeats
-from orthoglide_cal.inference.alone import solution_of, solve
+from orthoglide_cal.estimation.solution import Solution, fitted_here, scatter_of_repeats, suspicious
+from orthoglide_cal.inference.alone import solution_of, solve, weighing
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
     LARGEST,
-    MISFIT,
     Fit,
     HeldOut,
     fit_hypothesis,
     leave_out,
     left_out,
+    misfit,
 )
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, describe, fits_of, residual_of
@@ -158,7 +158,7 @@ class Diagnosis(Decision):
             except PostureError:  # no machine of any size is like that
                 continue
             times = fit.effects[0].times(self.white.machine)
-            if times > BEYOND and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
+            if times > BEYOND and round(times) <= LARGEST and self._leaves_noise(fit):
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple(TimesStated(id=id, times=times) for _, id, times in sorted(explaining))
 
@@ -457,10 +457,10 @@ class Diagnosis(Decision):
         )
 
     @cached_property
-    def patterned_rms_mm(self) -> float:
-        """R.m.s. of what they leave of the data, by their shares, as of the offsets shown."""
+    def patterned_left(self) -> Floats:
+        """Remainder of the data under all these patterns, by their shares, shape (k,) [mm]."""
         fits = ((p, one, self.fit_of(one.ids)) for one, p in self.beyond_list.items())
-        return self.white.rms(np.asarray(sum(p * residual_of(one, fit) for p, one, fit in fits)))
+        return read_only(sum(p * residual_of(one, fit) for p, one, fit in fits))
 
     @property
     def enterable(self) -> float:
@@ -481,7 +481,7 @@ class Diagnosis(Decision):
     @property
     def described(self) -> bool:
         """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
-        return self.refuted is None and self._chance_beyond(self.patterned_fits[0][1]) >= MISFIT
+        return self.refuted is None and self._leaves_noise(self.patterned_fits[0][1])
 
     @cached_property
     def patterns(self) -> tuple[FoundPattern, ...]:
@@ -498,7 +498,9 @@ class Diagnosis(Decision):
             fit, last = self.fit_of(first.ids), lambda one, label=label: one.label == label
             with_it_last = replace(first, patterns=tuple(sorted(first.patterns, key=last)))
             share = sum(self.unlisted[one.label] for one in (first, *others))
-            known = share, first is likeliest, before_mm, self.white.rms(residual_of(first, fit))
+            acting = first is likeliest
+            left = self.patterned_left if acting else residual_of(first, fit)
+            known = share, acting, before_mm, self.white.rms(left)
             patterns.append(describe(with_it_last, fit, self.measured, *known))
         return tuple(filter(None, patterns))
 
@@ -530,7 +532,7 @@ class Diagnosis(Decision):
         if self.acting:
             hypothesis = next(iter(self.beyond_list))
         fit = self.fit_of(hypothesis.ids)
-        left = residual_of(hypothesis, fit)
+        left = self.patterned_left if self.acting else fit.left
         for effect in fit.effects:
             cause, place = effect.cause, effect.place
             if cause.exchanges and cause.reversible(white.plan, place):
@@ -595,6 +597,7 @@ class Diagnosis(Decision):
             left_mm=left,
             # The fit takes a part of the noise away, too.
             expected_mm=gauge.noise_mm * (left / size if size else 1.0),
+            suspicious=suspicious(self.model.machine),
             noise=Noise(
                 used_mm=alone.noise.sigma_mm,
                 repeats_mm=repeats and repeats.sigma_mm,
@@ -749,32 +752,23 @@ def diagnose(
     )
 
 
-# What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
-@np.errstate(invalid="ignore")
 def decided(measured: Measured, model: Model) -> Diagnosis:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
     A name has to predict what is left out of its fit, and each date from those before it. Raises
     UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """
-    try:
+    with weighing(model.machine):
         decision = Diagnosis.about(measured, model).settled()
         white = decision.white
         again = repeats(white)
         if again is not None and again > REPEATS:
             decision = replace(decision, repeats=True)
         verdict, fit = decision.verdict, decision.fit
-    except np.linalg.LinAlgError as error:
-        raise UnusableResultError(
-            "These data cannot be weighed: the gauge's stated noise"
-            f" ({model.machine.instrument.noise_mm:.2g} mm) is out of all proportion to the"
-            " readings.",
-            "Check gauge and tolerances in the machine file.",
-        ) from error
     if verdict is not Verdict.NAMED:
         return decision
     held = leave_out(fit, left_out(white, fit.wrong_readings))[2]
-    if held.chance >= MISFIT:
+    if held.chance >= misfit(model.machine):
         refuted = _refuted_by_date(decision)
         return replace(decision, refuted=refuted) if refuted else decision
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}

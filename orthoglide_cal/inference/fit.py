@@ -20,7 +20,7 @@ from scipy.special import chdtrc, log_ndtr
 from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrink, shrinking
-from orthoglide_cal.estimation.solution import Contrasts, rms
+from orthoglide_cal.estimation.solution import OPTIMAL, Contrasts, rms
 from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
@@ -34,8 +34,8 @@ from orthoglide_cal.inference.hypothesis import (
     others_wrong,
     pattern_densities,
 )
-from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
-from orthoglide_cal.model.machine import Influence, Origin
+from orthoglide_cal.losses import OPEN_ANSWER, surprising
+from orthoglide_cal.model.machine import Influence, Machine, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, altered, read_only
 
@@ -49,16 +49,21 @@ FAR_MM, ROUNDS = 0.1, 6
 STEEP = 100.0
 # What needs a cause of more than so many times its plausible size is no explanation.
 LARGEST = 30
-# The prior of the offsets belongs to the evidence. Their values follow from the data alone: for
-# these it is so many times as wide.
+# The prior of the offsets belongs to the evidence. Their values follow from the data alone: to find
+# these it is widened by this factor.
 OF_ANY_SIZE = 1e3
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
 
-# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
-# than stated. If something beyond the list stands in their place, an open question costs a
-# measurement in vain; if not, to look for it in the set-up costs a hold.
-MISFIT = surprising(UNLISTED / (ONE_CAUSE + TWO_CAUSES), OPEN_ANSWER, NEEDLESS_HOLD)
+
+def misfit(machine: Machine) -> float:
+    """The chance below which the fit of the best listed causes leaves more than noise.
+
+    The evidence lets noise be larger than stated. If something beyond the list stands in their
+    place, an open question costs a measurement in vain; if not, to look for it costs a hold.
+    """
+    odds = UNLISTED / (ONE_CAUSE + TWO_CAUSES)
+    return surprising(odds, OPEN_ANSWER, machine.needless_hold)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -291,7 +296,9 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     data = at.versions[hypothesis.version] - hypothesis.added
     # From where they were linearised: the offsets alone, fitted to the data as recorded.
     moved = np.abs(np.append(fit.offsets - at.offsets[0], fit.moved[width:end]))
-    if float(np.linalg.norm(slopes, axis=0) @ moved) > at.noise.stated * math.sqrt(len(slopes)):
+    # The parameters alone are an optimum to the last digit that is shown.
+    most = math.sqrt(len(slopes)) if hypothesis.ids else OPTIMAL
+    if float(np.linalg.norm(slopes, axis=0) @ moved) > at.noise.stated * most:
         rounds = ROUNDS
     for _ in range(rounds):
         offsets, effects = fit.state

@@ -7,7 +7,6 @@ from typing import Literal, Self
 import numpy as np
 from pydantic import Field, computed_field
 
-from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.model.model import CONFIDENCE, Estimate, Model
@@ -131,6 +130,7 @@ class LackOfFit(Schema):
     repeats_p_value: float | None = Field(description="judged by the scatter of repeats")
     left_mm: float = Field(description="what the parameters alone leave, r.m.s.")
     expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
+    suspicious: float = Field(exclude=True)  # p below which residuals are larger than noise
     noise: Noise = Field(exclude=True)
 
     @property
@@ -141,7 +141,7 @@ class LackOfFit(Schema):
             return Reason.of("no_spare_readings", **stated)
         code = "residuals_agree"
         if self.p_value < 1.0 - CONFIDENCE:  # words alone: nothing follows from them
-            code = "residuals_too_large" if self.p_value < SUSPICIOUS else "residuals_unusual"
+            code = "residuals_too_large" if self.p_value < self.suspicious else "residuals_unusual"
         return Reason.of(code, scatter_mm=self.noise.residuals_mm, **stated, p_value=self.p_value)
 
 

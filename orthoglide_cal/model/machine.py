@@ -262,7 +262,7 @@ class Influence(ReadOnly):
     local: bool = False
     rest: float = 0.0  # variance of what else it adds to each reading, as noise does [mm²]
 
-    def times(self, scale_factor: float) -> Influence:
+    def scaled(self, scale_factor: float) -> Influence:
         """The same, of a local shape so many times as large as stated."""
         if not self.local or scale_factor == 1.0:
             return self

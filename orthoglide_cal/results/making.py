@@ -25,7 +25,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, warmth
 from orthoglide_cal.estimation.solution import (
-    SUSPICIOUS,
     OffsetEstimate,
     PromisedDifference,
     Solution,
@@ -44,7 +43,7 @@ from orthoglide_cal.inference.result import (
     Parameter,
     Verdict,
 )
-from orthoglide_cal.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
+from orthoglide_cal.losses import FALSE_RELEASE, is_likely
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model
@@ -110,22 +109,20 @@ def answer_to(
         from orthoglide_cal.planning.next_measurement import best_next
 
         following = best_next(diagnosis)
-    decision = release(solution, diagnosis, following, corrects)
+    verdict, alone = diagnosis.verdict, widened(given, solution, diagnosis.adds_to(solution))
+    # What may be there unseen may leave less known than the readings alone do.
+    consistent = verdict is Verdict.CONSISTENT
+    decision = release(alone if consistent else solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
-    if kept and diagnosis.verdict is not Verdict.CONSISTENT:
+    if kept and not consistent:
         retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    verdict, alone = diagnosis.verdict, widened(given, solution, diagnosis.adds_to(solution))
-    judged = alone if verdict is Verdict.CONSISTENT else _as_diagnosed(given, solution, diagnosis)
+    judged = alone if consistent else _as_diagnosed(given, solution, diagnosis)
     chosen, named = alone if method else judged, verdict is Verdict.NAMED
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
     budget, offsets_only = chosen.budget, parameters_of(alone)
     parameters = offsets_only if shown_alone else parameters_of(chosen)
-    # What may be there unseen may leave less known of them than the readings alone do.
-    if decision.usable and (names := [one.name for one in parameters if not one.determined]):
-        reason, remedy = Reason.of("undetermined", names=names), Remedy.of("more_readings")
-        decision = Release(reasons=(reason,), remedies=(remedy,))
     decimals = machine.entered_decimals(budget.expanded_mm.tolist())
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
@@ -153,10 +150,8 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    if named and not shown_alone:
-        left_mm = diagnosis.causes[0].rms_after_mm
-    elif diagnosis.acting and not shown_alone:
-        left_mm = diagnosis.patterned_rms_mm
+    if explaining := () if shown_alone else diagnosis.causes if named else diagnosis.acting:
+        left_mm = explaining[0].rms_after_mm
     else:
         left_mm = replace(solution, offsets_mm=chosen.offsets_mm).rms_after_mm
     was, will_be = np.array([(row.measured_mm, row.expected_mm) for row in rows]).reshape(-1, 2).T
@@ -458,12 +453,13 @@ def release(
         if baselines.better == "quartic":
             code, mm = "make_mesh", baselines.quartic_mm
         remedies = (Remedy.of(code, mm=mm, extension_mm=baselines.extension_mm), *remedies)
-    factor, fit = diagnosis.left_open[0][1].scale_factor, diagnosis.lack_of_fit.judgement
+    factor, lack = diagnosis.left_open[0][1].scale_factor, diagnosis.lack_of_fit
+    fit = lack.judgement
     doubtful = not solution.dof or (
         diagnosis.verdict is Verdict.CONSISTENT and fit.code == "residuals_too_large"
     )
     # As stated, not as widened to cover what is left; "1.0 times" says nothing.
-    if round(factor, 1) > 1.0 and diagnosis.chance(diagnosis.alone_with(1.0)) < SUSPICIOUS:
+    if round(factor, 1) > 1.0 and diagnosis.chance(diagnosis.alone_with(1.0)) < lack.suspicious:
         fit, doubtful = Reason.of("local_shape", factor=factor), True
     more = [fit] if doubtful and judged.usable else []
     return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)
@@ -491,7 +487,7 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
     patterns = diagnosis.acting
     remedies = tuple(Remedy.of("beyond_remedy", "measure", THEN, pattern=one) for one in patterns)
     known = all(diagnosis.model.machine.determined(NORMAL_K * diagnosis.std_mm))
-    if known and not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
+    if known and not is_likely(diagnosis.enterable, FALSE_RELEASE, diagnosis.needless_hold):
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
     sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}

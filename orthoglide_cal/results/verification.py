@@ -26,7 +26,6 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation.budget import half_width
 from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.solution import (
-    SUSPICIOUS,
     Problem,
     PromisedDifference,
     Solution,
@@ -34,6 +33,7 @@ from orthoglide_cal.estimation.solution import (
     pose,
     promise,
     rms,
+    suspicious,
     table_kind,
 )
 from orthoglide_cal.files.input import Input, InputFile, require_distinct, require_order
@@ -284,7 +284,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     squares = was, promised, now, max(promised - reach, 0.0), most
     before_mm, promised_mm, after_mm, least_mm, most_mm = np.sqrt(squares).tolist()
     taken = count * (was - promised)  # by the parameters; of noise they take p degrees of freedom
-    improves = chance_of_residual(taken, len(entered), math.sqrt(noise2)) < SUSPICIOUS
+    improves = chance_of_residual(taken, len(entered), math.sqrt(noise2)) < suspicious(machine)
     if improves:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
         most_mm = min(most_mm, (before_mm + promised_mm) / 2.0)
@@ -311,7 +311,8 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
     count, total = len(left), float(left @ left)
     shape = machine.local_shape(plan)
     columns = shape.columns[plan.touches] if shape else np.zeros((count, 0))
-    white2, inner = solution.stated_mm**2, columns.T @ columns
+    white2 = machine.instrument.noise_mm**2 + (shape.rest if shape else 0.0)
+    inner = columns.T @ columns
     noise2 = white2 + float(np.trace(inner)) / count
     # tr(C²) and mᵀCm of C = σ²I + BBᵀ; m is what is more than noise.
     square = count * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
@@ -464,7 +465,7 @@ def _respond(
             noise_mm=typical * gauge.noise_mm,
             dof=spare,
             p_value=p_value,
-            found=p_value < SUSPICIOUS,
+            found=p_value < suspicious(model.machine),
         ),
     }
 

@@ -178,9 +178,9 @@ def test_equal_quantities_are_equal_to_the_last_digit() -> None:
             lack.left_mm, rel=1e-12
         )
         assert {pattern.rms_before_mm for pattern in solved.patterns} <= {lack.left_mm}
-        # The likeliest explanation has one number, all that are not dismissed together another.
-        likeliest = {one.rms_after_mm for one in solved.patterns if one.accepted}
-        assert [*likeliest] == pytest.approx([solved.rms.after_mm] * bool(likeliest), rel=1e-3)
+        assert {one.rms_after_mm for one in solved.patterns if one.accepted} <= {
+            solved.rms.after_mm
+        }
         if not solved.release.needed:
             assert {row.measured_mm - row.expected_mm for row in solved.deviations} == {0.0}
         assert {cause.rms_after_mm for cause in solved.causes} <= {solved.rms.after_mm}
