@@ -544,19 +544,13 @@ def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> fl
 
 
 @dataclass(frozen=True, eq=False)
-class OffsetEstimate(ReadOnly):
-    """The parameters of a machine as readings know them, and that machine."""
+class Solution(ReadOnly):
+    """Joint offsets Δρ identified from one file; true joint position = indicated + Δρ."""
 
     model: Model  # the machine and its accepted causes, with their uncertainty
     offsets_mm: Floats  # that the controller does not know yet, shape (p,)
     budget: Budget  # where their uncertainty comes from
     noise: Scatter  # of one reading
-
-
-@dataclass(frozen=True, eq=False)
-class Solution(OffsetEstimate):
-    """Joint offsets Δρ identified from one file; true joint position = indicated + Δρ."""
-
     measured: Measured
     method: Method
     problem: Problem  # that was solved
@@ -745,7 +739,7 @@ class PromisedDifference(Schema):
 
 def promise(
     measured: Measured,
-    known: OffsetEstimate,
+    known: Solution,
     entered: Floats,
     right: Measured | None = None,
     corrected: Iterable[Effect] = (),

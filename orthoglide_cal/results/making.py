@@ -17,7 +17,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from itertools import chain
-from typing import TypeVar
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, warmth
 from orthoglide_cal.estimation.solution import (
-    OffsetEstimate,
     PromisedDifference,
     Solution,
     chance_of_residual,
@@ -53,7 +51,6 @@ from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.answer import RETAKE, STEP_K, THEN, Release, Remedy, UsedGauge, Validity
 from orthoglide_cal.schema import Reason
 
-EstimateT = TypeVar("EstimateT", bound=OffsetEstimate)
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
@@ -265,13 +262,13 @@ def _reservations(given: Input, gauges: Sequence[UsedGauge]) -> Iterator[Reason]
         yield Reason.of("not_recorded", missing=missing)
 
 
-def widened(given: Input, known: EstimateT, more: Iterable[Contribution] = ()) -> EstimateT:
+def widened(given: Input, known: Solution, more: Iterable[Contribution] = ()) -> Solution:
     """The parameters as unsure as `more` and the temperature leave them."""
     warm = warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
     return replace(known, budget=known.budget.extended([*more, *warm]))
 
 
-def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
+def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Solution:
     """The parameters under what the diagnosis found."""
     model = given.model
     if diagnosis.verdict is Verdict.NAMED:
@@ -279,8 +276,9 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    estimate = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, noise)
-    return widened(given, estimate, taken)
+    offsets, budget = diagnosis.offsets_mm, diagnosis.budget
+    found = replace(solution, model=model, offsets_mm=offsets, budget=budget, noise=noise)
+    return widened(given, found, taken)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
@@ -289,7 +287,7 @@ def _lasting(diagnosis: Diagnosis) -> list[Effect]:
     return [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
 
 
-def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool:
+def _within_noise(model: Model, estimate: Solution, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
     No change exceeds its U, nor do all together say that homing has moved (χ²).
@@ -339,7 +337,7 @@ def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | 
     return Reason.of("remains", ids=ids, left_mm=rms(left))
 
 
-def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
+def parameters_of(known: Solution) -> tuple[Parameter, ...]:
     """Every parameter with its U."""
     budget = known.budget
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
@@ -395,7 +393,7 @@ def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[sch
 
 
 def _check(
-    given: Input, known: OffsetEstimate, promised: Sequence[PromisedDifference], k: float
+    given: Input, known: Solution, promised: Sequence[PromisedDifference], k: float
 ) -> schema.CheckReading:
     """The difference that the offsets change most."""
     row = max(promised, key=lambda row: abs(row.measured_mm - row.expected_mm))

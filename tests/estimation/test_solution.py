@@ -15,7 +15,7 @@ from scipy import stats
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.estimation.solution import OPTIMAL, OffsetEstimate, fit_offsets, promise
+from orthoglide_cal.estimation.solution import OPTIMAL, Solution, fit_offsets, promise
 from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import diagnose
 from orthoglide_cal.losses import is_likely, surprising
@@ -224,9 +224,10 @@ forms = pytest.mark.parametrize("form", FORMS)
 
 def estimate(
     model: Model, offsets: Floats, variance: float = 1e-5, noise: Scatter = NOISE
-) -> OffsetEstimate:
+) -> Solution:
     budget = Budget((Contribution.beyond("noise", variance * np.eye(3)),))
-    return OffsetEstimate(model, offsets, budget, noise)
+    solved = solve(of_values(DataKind.SIX, EXPERIMENT_1), NOMINAL)
+    return replace(solved, model=model, offsets_mm=offsets, budget=budget, noise=noise)
 
 
 def shown_as(form: str) -> DataKind:

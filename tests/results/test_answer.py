@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import Scatter
-from orthoglide_cal.estimation.solution import OffsetEstimate, promise
+from orthoglide_cal.estimation.solution import Solution, promise
 from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.result import Parameter, Verdict
@@ -149,7 +149,7 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
     assert ends.what[-1] in "0+-"
 
 
-def as_diagnosed(case: Case, diagnosis: Diagnosis) -> OffsetEstimate:
+def as_diagnosed(case: Case, diagnosis: Diagnosis) -> Solution:
     return making._as_diagnosed(case.given, diagnosis.alone, diagnosis)
 
 
@@ -158,7 +158,8 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     case = cases.named_in_machine()
     answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
     model, noise = as_diagnosed(case, diagnosis).model, diagnosis.left_open[0][1].sigma
-    known = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, Scatter(noise, np.inf))
+    shown = {"offsets_mm": diagnosis.offsets_mm, "budget": diagnosis.budget}
+    known = replace(diagnosis.alone, model=model, noise=Scatter(noise, np.inf), **shown)
     entered = np.array([each.change(answer.decimals) for each in answer.parameters])
     promised = [row.expanded_mm for row in promise(measured, known, entered)]
     assert [row.expanded_mm for row in answer.deviations] == pytest.approx(promised, rel=1e-9)
