@@ -18,7 +18,7 @@ from orthoglide_cal.estimation.gaussian import probabilities
 from orthoglide_cal.estimation.solution import chance_of_residual, suspicious
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
-from orthoglide_cal.inference.fit import Fit, misfit
+from orthoglide_cal.inference.fit import MISFIT, Fit
 from orthoglide_cal.inference.hypothesis import LOST, Hypothesis, score_all
 from orthoglide_cal.inference.patterns import PASSING, fits_of
 from orthoglide_cal.inference.result import Verdict
@@ -27,6 +27,7 @@ from orthoglide_cal.losses import (
     FALSE_RELEASE,
     MENTION,
     MISSED_FAULT,
+    NEEDLESS_HOLD,
     OPEN_ANSWER,
     WRONG_NAME,
     is_likely,
@@ -148,7 +149,7 @@ class Decision(Belief):
         answer = max(answers, key=self.share, default=((),))
         # Of sets that are nearly as probable one of the record: whatever spoiled a reading, it is
         # wrong, and to look for a knock in vain costs more.
-        least = listed[answer[0]] * MISSED_FAULT / self.needless_hold
+        least = listed[answer[0]] * MISSED_FAULT / NEEDLESS_HOLD
         near = (ids for ids in answer if listed[ids] >= least)
         most = min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
         parts = [ids for ids in listed if ids and set(ids) < set(most)]
@@ -248,7 +249,7 @@ class Decision(Belief):
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
-        lost = self.beyond * OPEN_ANSWER > self.something * self.needless_hold
+        lost = self.beyond * OPEN_ANSWER > self.something * NEEDLESS_HOLD
         fit = self.fit_of(best)
         if lost or math.isinf(fit.log_evidence) or not self._leaves_noise(fit):
             return Verdict.UNEXPLAINED
@@ -266,7 +267,7 @@ class Decision(Belief):
         posture.
         """
         best = self.best
-        bearable = (self.needless_hold if len(best) > 1 else OPEN_ANSWER) * self.something
+        bearable = (NEEDLESS_HOLD if len(best) > 1 else OPEN_ANSWER) * self.something
         if (len(best) * WRONG_NAME + FALSE_RELEASE) * self.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
         losses = {one: self.loss_of_name(best, one) for one in self.beyond_list}
@@ -277,14 +278,14 @@ class Decision(Belief):
         fit, hows = self.fit_of(ids), {pattern.how for pattern in one.patterns}
         wrong = [CAUSES[id] for id in set(ids) - {*one.ids} - hows]
         parts = sum(cause.in_machine and cause.repeats for cause in wrong)
-        loss = parts * WRONG_NAME + (len(wrong) - parts) * self.needless_hold
+        loss = parts * WRONG_NAME + (len(wrong) - parts) * NEEDLESS_HOLD
         moved = self._moves(one, fit.offsets, fit.offsets_covariance)
         return loss + FALSE_RELEASE * (moved or bool(hows - CAUSES.keys() - PASSING))
 
     def kept(self, rival: Hypothesis, best: Hypothesis) -> float:
         """Probability relative to the explanation `best` from which a rival is left open."""
         if best.patterns:
-            return OPEN_ANSWER / self.needless_hold
+            return OPEN_ANSWER / NEEDLESS_HOLD
         if rival.patterns:
             loss = self.loss_of_name(best.ids, rival)
             return OPEN_ANSWER / loss if loss else math.inf
@@ -326,7 +327,7 @@ class Decision(Belief):
         else:
             by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
             chance = float(np.exp(at.noise.log_weight) @ by_noise)
-        return chance >= misfit(at.white.machine)
+        return chance >= MISFIT
 
     def chance(self, fit: Fit) -> float:
         """Chance that noise as stated leaves more than a fit of the parameters alone does."""

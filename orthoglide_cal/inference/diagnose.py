@@ -25,12 +25,12 @@ from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened,
 from orthoglide_cal.inference.decision import Decision, keep_ratio
 from orthoglide_cal.inference.fit import (
     LARGEST,
+    MISFIT,
     Fit,
     HeldOut,
     fit_hypothesis,
     leave_out,
     left_out,
-    misfit,
 )
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, describe, fits_of, residual_of
@@ -768,7 +768,7 @@ def decided(measured: Measured, model: Model) -> Diagnosis:
     if verdict is not Verdict.NAMED:
         return decision
     held = leave_out(fit, left_out(white, fit.wrong_readings))[2]
-    if held.chance >= misfit(model.machine):
+    if held.chance >= MISFIT:
         refuted = _refuted_by_date(decision)
         return replace(decision, refuted=refuted) if refuted else decision
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}

@@ -34,8 +34,8 @@ from orthoglide_cal.inference.hypothesis import (
     others_wrong,
     pattern_densities,
 )
-from orthoglide_cal.losses import OPEN_ANSWER, surprising
-from orthoglide_cal.model.machine import Influence, Machine, Origin
+from orthoglide_cal.losses import NEEDLESS_HOLD, OPEN_ANSWER, surprising
+from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Effect, differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Floats, Ints, ReadOnly, altered, read_only
 
@@ -55,15 +55,10 @@ OF_ANY_SIZE = 1e3
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
 
-
-def misfit(machine: Machine) -> float:
-    """The chance below which the fit of the best listed causes leaves more than noise.
-
-    The evidence lets noise be larger than stated. If something beyond the list stands in their
-    place, an open question costs a measurement in vain; if not, to look for it costs a hold.
-    """
-    odds = UNLISTED / (ONE_CAUSE + TWO_CAUSES)
-    return surprising(odds, OPEN_ANSWER, machine.needless_hold)
+# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
+# than stated. If something beyond the list stands in their place, an open question costs a
+# measurement in vain; if not, to look for it in the set-up costs a hold.
+MISFIT = surprising(UNLISTED / (ONE_CAUSE + TWO_CAUSES), OPEN_ANSWER, NEEDLESS_HOLD)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

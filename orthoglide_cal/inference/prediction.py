@@ -12,7 +12,7 @@ from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import root_of, unexplained, whiten_shared
 from orthoglide_cal.estimation.solution import chance_of_residual, fit_offsets, rms
 from orthoglide_cal.inference.data import Ids, Whitened, as_read
-from orthoglide_cal.inference.fit import ENOUGH, Fit, HeldOut, left_out, misfit
+from orthoglide_cal.inference.fit import ENOUGH, MISFIT, Fit, HeldOut, left_out
 from orthoglide_cal.inference.patterns import under_plan
 from orthoglide_cal.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.model.machine import Machine, Origin
@@ -143,7 +143,7 @@ class Later(ReadOnly):
         left, adds = unexplained(by_parameter, np.column_stack(pair)).T
         size = float(np.linalg.norm(adds))
         excess = float(left @ adds)  # (b − 1) size²
-        if not excess < -0.5 * size**2 < 0.0 or ndtr(excess / size) >= misfit(fit.white.machine):
+        if not excess < -0.5 * size**2 < 0.0 or ndtr(excess / size) >= MISFIT:
             return None
         without_mm, with_mm = (self.held_out(one).rms_mm for one in (alone, fit))
         return Reason.of("refuted_later", ids=ids, without_mm=without_mm, with_mm=with_mm)
