@@ -43,7 +43,7 @@ from orthoglide_cal.estimation.budget import (
     half_width,
     influences,
 )
-from orthoglide_cal.estimation.gaussian import shrink, shrinking, unexplained, whiten, whiten_shared
+from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten, whiten_shared
 from orthoglide_cal.losses import MISSED_FAULT, surprising
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import (
@@ -185,14 +185,13 @@ class Problem(ReadOnly):
         which = tuple(compress(self.which, rows))
         return replace(self, matrix=np.asarray(self.matrix)[rows], which=which)
 
-    def weighted(self, ratio: Floats, data: Floats) -> tuple[Problem, Floats]:
-        """The same of contrasts of covariance I + C Cᵀ, C (k, p) in σ, made independent.
+    def weighted(self, shrunk: tuple[Floats, Floats]) -> Problem:
+        """The same of contrasts of which only a few unknowns are in common: see `shrinking`.
 
-        And its data, from those of this one, shape (k,) [mm].
+        Its data are made independent as `shrink` makes values.
         """
         assert isinstance(self.matrix, Contrasts)
-        shrunk = shrinking(ratio)
-        return replace(self, matrix=altered(self.matrix, shrunk=shrunk)), shrink(data, *shrunk)
+        return replace(self, matrix=altered(self.matrix, shrunk=shrunk))
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation.gaussian import shrink, shrinking
 from orthoglide_cal.estimation.solution import (
     Method,
     Solution,
@@ -66,7 +67,8 @@ def weighing(machine: Machine) -> Iterator[None]:
 def solution_of(fit: Fit, measured: Measured, model: Model) -> Solution:
     """The fit of the empty hypothesis to all readings at once, with its uncertainty budget."""
     white, uncertain = fit.white, slice(fit.first_uncertain, None)
-    in_noise = fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated)
-    problem, data = replace(white.problem, model=model).weighted(in_noise, white.data)
+    shrunk = shrinking(fit.columns[:, uncertain] * (fit.sizes[uncertain] / fit.stated))
+    problem = replace(white.problem, model=model).weighted(shrunk)
+    data = shrink(white.data, *shrunk)
     estimator, scale = fit.estimator(fit.stated) @ white.matrix, fit.scale_factor
     return conclude(Method.READINGS, measured, problem, data, fit.offsets, estimator, scale)

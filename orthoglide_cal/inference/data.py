@@ -26,7 +26,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
+from orthoglide_cal.estimation.gaussian import shrink, shrinking, unexplained, whiten
 from orthoglide_cal.estimation.solution import (
     Contrasts,
     LeastSquaresFit,
@@ -252,8 +252,8 @@ class Whitened(ReadOnly):
         Searched from others (p,). Raises UnusableResultError: there is no optimum.
         """
         variance = self.machine.instrument.noise_mm**2 + sum(one.rest for one in uncertain)
-        ratio = self.side_by_side(uncertain) / math.sqrt(variance)
-        problem, data = self.problem.weighted(ratio, self.data)
+        shrunk = shrinking(self.side_by_side(uncertain) / math.sqrt(variance))
+        problem, data = self.problem.weighted(shrunk), shrink(self.data, *shrunk)
         return require_optimum(problem, fit_offsets(problem, data, start)).offsets_mm
 
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:

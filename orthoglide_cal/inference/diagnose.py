@@ -105,10 +105,10 @@ class Diagnosis(Decision):
     @cached_property
     def alone(self) -> Solution:
         """The calibrated parameters alone."""
-        known = self.white.raw and self.at.complete and not fitted_here(self.measured, self.model)
-        if known:
-            return solution_of(self.fit_of(()), self.measured, self.model)
-        return solve(self.measured, self.model)
+        measured, model = self.measured, self.model
+        if self.white.raw and self.at.complete and not fitted_here(measured, model):
+            return solution_of(self.fit_of(()), measured, model)
+        return solve(measured, model)
 
     def alone_with(self, scale_factor: float) -> Fit:
         """The fit of the same with a local shape so many times as large as stated."""
@@ -448,19 +448,24 @@ class Diagnosis(Decision):
     # --- patterns beyond the list, those that act together first ---
 
     @cached_property
+    def _fits_beyond(self) -> Mapping[str, list[tuple[float, Fit]]]:
+        """Fits with the patterns of each of these explanations and their shares, by its label."""
+        return {one.label: fits_of(one, self.fit_of(one.ids)) for one in self.beyond_list}
+
+    @property
     def patterned_fits(self) -> tuple[tuple[float, Fit], ...]:
-        """Fits with these patterns and their shares, the likeliest first."""
-        return tuple(
-            (probability * share, fit)
-            for hypothesis, probability in self.beyond_list.items()
-            for share, fit in fits_of(hypothesis, self.fit_of(hypothesis.ids))
-        )
+        """All of them and their shares, the likeliest first."""
+        pairs = ((p, self._fits_beyond[one.label]) for one, p in self.beyond_list.items())
+        return tuple((p * share, fit) for p, fits in pairs for share, fit in fits)
+
+    def _left_under(self, one: Hypothesis) -> Floats:
+        """Remainder of the data under one of these explanations, shape (k,) [mm]."""
+        return residual_of(one, self.fit_of(one.ids), self._fits_beyond[one.label])
 
     @cached_property
     def patterned_left(self) -> Floats:
-        """Remainder of the data under all these patterns, by their shares, shape (k,) [mm]."""
-        fits = ((p, one, self.fit_of(one.ids)) for one, p in self.beyond_list.items())
-        return read_only(sum(p * residual_of(one, fit) for p, one, fit in fits))
+        """Remainder under all of them, by their shares, shape (k,) [mm]."""
+        return read_only(sum(p * self._left_under(one) for one, p in self.beyond_list.items()))
 
     @property
     def enterable(self) -> float:
@@ -499,7 +504,7 @@ class Diagnosis(Decision):
             with_it_last = replace(first, patterns=tuple(sorted(first.patterns, key=last)))
             share = sum(self.unlisted[one.label] for one in (first, *others))
             acting = first is likeliest
-            left = self.patterned_left if acting else residual_of(first, fit)
+            left = self.patterned_left if acting else self._left_under(first)
             known = share, acting, before_mm, self.white.rms(left)
             patterns.append(describe(with_it_last, fit, self.measured, *known))
         return tuple(filter(None, patterns))

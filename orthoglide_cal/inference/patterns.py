@@ -467,10 +467,11 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
     ]
 
 
-def residual_of(hypothesis: Hypothesis, fit: Fit) -> Floats:
-    """Residuals with a hypothesis' patterns, (n,) [mm]; more noise takes nothing away."""
+def residual_of(hypothesis: Hypothesis, fit: Fit, fits: Sequence[tuple[float, Fit]]) -> Floats:
+    """Residuals under `fits_of` both, shape (k,) [mm]; more noise takes nothing away."""
     patterns = tuple(one for one in hypothesis.patterns if one.how != "scatters")
-    fits = fits_of(replace(hypothesis, patterns=patterns), fit) if patterns else [(1.0, fit)]
+    if len(patterns) < len(hypothesis.patterns):
+        fits = fits_of(replace(hypothesis, patterns=patterns), fit) if patterns else [(1.0, fit)]
     return np.asarray(sum(share * after.left for share, after in fits))
 
 

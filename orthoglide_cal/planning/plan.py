@@ -31,7 +31,7 @@ from orthoglide_cal.estimation.budget import (
     fixed_influences,
     influences,
 )
-from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_shared
+from orthoglide_cal.estimation.gaussian import condition, shrinking, unexplained, whiten_shared
 from orthoglide_cal.estimation.solution import Method, pose_plan, require_rank
 from orthoglide_cal.inference.data import Candidates, Placed, Whitened
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
@@ -185,7 +185,7 @@ def estimator_for(
     if method is Method.READINGS:
         columns = np.hstack([influence.columns for influence in uncertain])
         ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
-        problem, _ = problem.weighted(ratio, np.zeros(len(ratio)))
+        problem = problem.weighted(shrinking(ratio))
     # The slope hardly depends on the offsets: near zero every method is a linear one.
     return np.asarray(method.estimator(problem) @ problem.matrix)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.estimation.budget import influences
+from orthoglide_cal.estimation.gaussian import shrinking
 from orthoglide_cal.estimation.solution import Method, Problem, fit_offsets, pose_plan
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
@@ -90,7 +91,7 @@ def solved(
     if method is Method.READINGS:
         columns = np.hstack([each.columns for each in influences(model, expected, plan)])
         ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
-        problem, _ = problem.weighted(ratio, data[0])
+        problem = problem.weighted(shrinking(ratio))
     fit = fit_offsets(problem, values @ problem.matrix.T)
     assert np.all(fit.converged)
     return fit.offsets_mm

@@ -79,7 +79,6 @@ def test_each_story_is_told(story):
     drawn = draw(story, 5, 6)
     found = compare(drawn.inputs)
     assert found.verdict == WANTED.get(story, "changed")
-    assert 0.0 < found.probability <= 1.0
     assert [each.path for each in found.sessions] == [f"{k}.csv" for k in range(6)]
     if drawn.gaps:
         assert places(found) == drawn.gaps
