@@ -41,9 +41,6 @@ STILL_OPEN = 480.0
 # Sound sessions for one that is questioned in vain, ten years of one a day: who is questioned more
 # often learns to press Return.
 SESSIONS_A_QUESTION = 2500.0
-# Chance below which repeats are too steady for a gauge: its maker states the repeatability with a
-# reserve of two, and a gauge that is so much better must pass; one that is held does not.
-TOO_STEADY = 1e-6
 
 # Probability relative to the answer below which one that contradicts it is dismissed: to keep it
 # open would cost more than to be wrong.

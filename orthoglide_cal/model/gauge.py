@@ -1,7 +1,7 @@
 """The dial indicator, and what it can hardly have shown, before any model is asked.
 
 A gauge that is held, and inches written as millimetres, look like excellent data to a fit. Healthy
-readings are doubted once in a million sessions, of a gauge as good as stated.
+readings of a gauge twice as good as stated are hardly ever doubted.
 """
 
 import math
@@ -12,8 +12,9 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
+from scipy.special import ndtr
 
-from orthoglide_cal.losses import TOO_STEADY
+from orthoglide_cal.losses import SESSIONS_A_QUESTION
 from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints
@@ -28,6 +29,7 @@ _INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
 _TOO_MUCH = 2.0  # times the stated noise: readings that scatter more are in no such unit
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
+_RESERVE = 2.0  # a maker states a repeatability that so much better gauges have
 _EQUAL_SHARE = 0.9  # of false doubts by equal repeats; the others by too little scatter
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
@@ -154,7 +156,8 @@ def too_steady(
         mine = np.full(len(value), True) if chosen is None else setup == chosen
         size = np.bincount(repeat[mine])
         squares = np.asarray(np.bincount(repeat[mine], left[mine] ** 2), np.float64)
-        if (1 + setups.size) * chance_of_less_scatter(squares, size, gauge) < TOO_STEADY:
+        chance = (1 + setups.size) * chance_of_less_scatter(squares, size, gauge)
+        if chance * SESSIONS_A_QUESTION < 1.0:
             scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
     return None
@@ -168,12 +171,13 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
 
 
 def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> float:
-    """Upper bound of the chance that repeats of this gauge differ no more.
+    """Upper bound of the chance that repeats of a gauge twice as good as stated differ no more.
 
-    n readings of noise σ, rounded to q, are all equal with p ≤ (q/(σ√2π))ⁿ⁻¹/√n (Hölder), and only
-    then is S < q²/2, the sum of squares about their mean. Rounding changes √S by at most √n·q/2,
-    and S/σ² before it is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). The
-    smaller of the two counts, each divided by its share of false doubts.
+    n readings of noise σ, rounded to q, are all equal if one division holds all: with the mean of
+    the chance over the places between two divisions. Only then is S < q²/2, the sum of squares
+    about their mean. Rounding changes √S by at most √n·q/2, and S/σ² before it is χ² of ν degrees
+    of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). The smaller of the two counts, each divided by
+    its share of false doubts.
 
     Args:
         squares: S of each cell, shape (c,) [mm²].
@@ -182,13 +186,17 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
     squares, size = squares[size > 1], size[size > 1]
     if not size.size:
         return 1.0
-    noise, step, dof = gauge.repeatability_mm, gauge.resolution_mm, (size - 1).sum()
+    noise, step, dof = gauge.repeatability_mm / _RESERVE, gauge.resolution_mm, (size - 1).sum()
     most = math.sqrt(squares.sum()) + 0.5 * step * math.sqrt(size.sum())
     ratio = min((most / noise) ** 2 / dof, 1.0)
     less = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
     # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
-    narrow = math.log(max(step / noise, 0.25) / math.sqrt(2.0 * math.pi))
-    costs = np.sort(np.maximum(0.5 * np.log(size) - (size - 1) * narrow, 0.0))
+    width = max(step / noise, 0.25)
+    place, between = np.linspace(-6.0 - width / 2.0, 6.0 + width / 2.0, 500, retstep=True)
+    held = ndtr(place + width / 2.0) - ndtr(place - width / 2.0)
+    sizes, number = np.unique(size, return_inverse=True)
+    chance = (held ** sizes[:, None]).sum(axis=1) * between / width
+    costs = np.sort(-np.log(np.maximum(chance, np.finfo(np.float64).tiny))[number])
     equal = np.count_nonzero(squares < 0.5 * step**2)
     some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
     logs = less - math.log(1.0 - _EQUAL_SHARE), some - math.log(_EQUAL_SHARE)

@@ -54,7 +54,7 @@ def adjusted(gauge: truth.Gauge, rng: np.random.Generator, cycles: int) -> truth
 def test_healthy_sessions_are_never_doubted(
     machine: truth.Machine, count: int, gauge: truth.Gauge
 ) -> None:
-    """Half of 4 count are perfectly adjusted; each has a chance below 1e-6 of a false failure."""
+    """Half of 4 count are perfectly adjusted; none is questioned in vain."""
     stated = model_of(machine, gauge).machine.gauge
     rng = np.random.default_rng(11)
     plain = readings_of(truth.make_session(0, machine, gauge))
@@ -74,11 +74,11 @@ def test_healthy_sessions_are_never_doubted(
 @both_gauges
 @pytest.mark.parametrize("size", [2, 4])
 def test_the_chance_is_an_upper_bound(gauge: truth.Gauge, size: int) -> None:
-    """Of 10,000 draws of six cells, at the worst and at any place between two divisions."""
+    """Of 10,000 draws of six cells at the worst place; twice as good, at any between divisions."""
     own, rng = model_of(truth.PROTOTYPE, gauge).machine.gauge, np.random.default_rng(size)
-    for place in (0.0, None):
+    for place, better in ((0.0, 1.0), (None, 2.0)):
         where = rng.uniform(-0.5, 0.5, (10_000, 6, 1)) if place is None else place
-        noise = rng.normal(0.0, gauge.noise / gauge.resolution, (10_000, 6, size))
+        noise = rng.normal(0.0, gauge.noise / better / gauge.resolution, (10_000, 6, size))
         shown = np.rint(noise + where) * gauge.resolution
         squares = ((shown - shown.mean(axis=2, keepdims=True)) ** 2).sum(axis=2)
         chance = [chance_of_less_scatter(one, np.full(6, size), own) for one in squares]
@@ -87,13 +87,14 @@ def test_the_chance_is_an_upper_bound(gauge: truth.Gauge, size: int) -> None:
             assert true * (1.0 - 4.0 / np.sqrt(10_000 * true + 1.0)) < share
 
 
-def test_a_fine_gauge_that_scatters_half_as_much_is_doubted() -> None:
-    """Of a thousand readings of each posture; not one that repeats as stated."""
+def test_a_fine_gauge_may_scatter_half_as_much_as_stated_no_less() -> None:
+    """Of a thousand readings of each posture."""
     own = model_of(truth.PROTOTYPE, truth.MICRON).machine.gauge
     noise, size = np.random.default_rng(8).normal(0.0, own.repeatability_mm, (6, 1003)), 1003
     squares = ((noise - noise.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-    assert chance_of_less_scatter(squares, np.full(6, size), own) == 1.0
-    assert chance_of_less_scatter(0.25 * squares, np.full(6, size), own) < 1e-6
+    for share, chance in ((1.0, 1.0), (0.5, 1.0), (0.25, 0.0)):
+        found = chance_of_less_scatter(share**2 * squares, np.full(6, size), own)
+        assert found == pytest.approx(chance, abs=1e-12)
 
 
 def test_equal_readings_are_normal_behind_a_coarse_dial() -> None:
@@ -110,7 +111,7 @@ def test_a_dead_display(gauge: truth.Gauge) -> None:
     first = {cell: i for i, cell in reversed(list(enumerate(readings.plan.cells.tolist())))}
     repeated = readings.value[[first[cell] for cell in readings.plan.cells.tolist()]]
     assert kinds(replace(readings, value=repeated), stated) == {DEAD}
-    nearly = np.round(repeated + 0.15 * (readings.value - repeated), 3)
+    nearly = np.round(repeated + 0.1 * (readings.value - repeated), 3)
     fine = stated.changed(resolution_mm=0.001)
     assert kinds(replace(readings, value=nearly), fine) == {SCATTER}
 
