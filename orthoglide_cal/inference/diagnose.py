@@ -15,11 +15,17 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import fdtrc
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.errors import PostureError, UnusableResultError, command
 from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, budget_of
 from orthoglide_cal.estimation.gaussian import mixture, unexplained
-from orthoglide_cal.estimation.solution import Solution, fitted_here, scatter_of_repeats, suspicious
+from orthoglide_cal.estimation.solution import (
+    Solution,
+    chance_of_residual,
+    fitted_here,
+    scatter_of_repeats,
+    suspicious,
+)
 from orthoglide_cal.inference.alone import solution_of, solve, weighing
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import Decision, keep_ratio
@@ -50,7 +56,7 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.losses import DISMISSED
+from orthoglide_cal.losses import DISMISSED, MISSED_CHANGE, surprising
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import NORMAL_K, Cause, Effect, Model, Place
@@ -178,6 +184,19 @@ class Diagnosis(Decision):
             cells = fit.estimator(fit.sigma) @ (white.matrix @ white.plan.returning)
             covariance = covariance + left * cells @ cells.T
         return read_only(mean), read_only(covariance)
+
+    @property
+    def stays_entered(self) -> bool:
+        """True if under every explanation left open to enter nothing costs less than a correction.
+
+        Its offsets do not differ (χ²) from those that are entered by what had better be corrected.
+        """
+        least = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, self.needless_hold)
+        return all(
+            chance_of_residual(float(fit.offsets @ apart), apart.size, 1.0) >= least
+            for _, fit in self.left_open
+            for apart in [np.linalg.solve(fit.offsets_covariance, fit.offsets)]
+        )
 
     @property
     def offsets_mm(self) -> Floats:

@@ -22,11 +22,10 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
-from orthoglide_cal.estimation.budget import Budget, Contribution, Scatter, warmth
+from orthoglide_cal.estimation.budget import Contribution, Scatter, warmth
 from orthoglide_cal.estimation.solution import (
     PromisedDifference,
     Solution,
-    chance_of_residual,
     promise,
     require_settings,
     rms,
@@ -34,7 +33,6 @@ from orthoglide_cal.estimation.solution import (
 from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
-from orthoglide_cal.inference.prediction import MOVED
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
     NextMeasurement,
@@ -131,13 +129,9 @@ def answer_to(
         promise, measured, real, right=diagnosis.put_right, unsure_mm=diagnosis.unsure_mm
     )
     rows = promised(change)
-    known_by = solution.budget if shown_alone else budget
-    if decision.usable and _within_noise(model, chosen, known_by):
-        # What would change then; the differences become no smaller where U allows for all of it.
-        gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
-        if gain <= sum(row.expanded_mm**2 for row in rows):
-            decision = decision.changed(needed=False)
-            rows = promised(0.0 * change)
+    if decision.usable and diagnosis.stays_entered and _within_u(model, chosen):
+        decision = decision.changed(needed=False)
+        rows = promised(0.0 * change)
     if decision.usable:
         parameters = tuple(
             one.changed(enter=one.new(decimals) if decision.needed else one.active)
@@ -287,19 +281,12 @@ def _lasting(diagnosis: Diagnosis) -> list[Effect]:
     return [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
 
 
-def _within_noise(model: Model, estimate: Solution, known: Budget) -> bool:
-    """True if the controller has the parameters already, as well as the readings know them.
-
-    No change exceeds its U, nor do all together say that homing has moved (χ²).
-    """
+def _within_u(model: Model, estimate: Solution) -> bool:
+    """True if nothing that is entered differs from what the controller has by more than its U."""
     entered_too = (effect for effect in model.remaining() if effect.cause.compensable)
-    if any(np.any(np.abs(effect.theta) > NORMAL_K * effect.std) for effect in entered_too):
-        return False
-    if np.any(np.abs(estimate.offsets_mm) > estimate.budget.expanded_mm):
-        return False
-    budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
-    apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
-    return chance_of_residual(apart, len(change), budget.k / NORMAL_K) >= MOVED
+    return not any(np.any(np.abs(e.theta) > NORMAL_K * e.std) for e in entered_too) and bool(
+        np.all(np.abs(estimate.offsets_mm) <= estimate.budget.expanded_mm)
+    )
 
 
 def _with_others(
