@@ -10,12 +10,12 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import probabilities
-from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
+from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
 from orthoglide_cal.inference.patterns import combined, pattern_candidates, placed_causes
@@ -28,19 +28,6 @@ LIKELY = 5
 KEPT = 1 << 15
 
 
-class Evidence(NamedTuple):
-    """Evidence of a set of causes that was fitted, and its likelihood at the fit."""
-
-    log_evidence: float
-    log_likelihood: float
-    unit_mm: float  # of the data there
-
-    @classmethod
-    def of(cls, fit: Fit) -> Self:
-        """Take over what is kept of a fit."""
-        return cls(fit.log_evidence, fit.log_likelihood, unit_of(fit.effects))
-
-
 @dataclass(frozen=True, eq=False)
 class Belief:
     """Hypotheses about one data set, and how probable each is."""
@@ -51,8 +38,9 @@ class Belief:
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
     # Those with patterns beyond the list, by their labels.
     patterned: Mapping[str, Hypothesis] = field(default_factory=dict)
-    fits: Mapping[Ids, Evidence] = field(default_factory=dict)  # that the probabilities rest on
-    # Fits, these and others, made when asked for; the last is the one that was asked for last.
+    # Those of listed causes that were fitted, with the evidence of their fits.
+    fits: Mapping[Ids, Hypothesis] = field(default_factory=dict)
+    # Fits of them and of others, made when asked for; the last is the one asked for last.
     _kept: dict[Ids, Fit] = field(default_factory=dict)
     # Every pattern at every where, looked at closely or not; no tolerance changes them.
     _tried: dict[bool, list[list[Pattern]]] = field(default_factory=dict)
@@ -76,7 +64,7 @@ class Belief:
         fits = dict(self.fits)
         for ids in sets:
             if ids not in fits:
-                fits[ids] = Evidence.of(self.fit_of(ids))
+                fits[ids] = self.fit_of(ids).judged
         return replace(self, fits=fits) if len(fits) > len(self.fits) else self
 
     def beside(self, hypothesis: Hypothesis, *, fine: bool = False) -> list[Hypothesis]:
@@ -173,9 +161,7 @@ class Belief:
         The smaller of those in the mean over plausible sizes and of those where both fit best: that
         the other causes are then of more usual size is no evidence.
         """
-        first, second = (self.fits.get(one, self.hypotheses[one]) for one in (ids, part))
-        gain = first.log_evidence - second.log_evidence
-        fits = [self.fits[one] for one in (ids, part) if one in self.fits]
-        if len(fits) == 2 and all(fit.unit_mm == 1.0 for fit in fits):
-            gain = min(gain, fits[0].log_likelihood - fits[1].log_likelihood)
-        return gain
+        both = [self.fits.get(one, self.hypotheses[one]) for one in (ids, part)]
+        gain = both[0].log_evidence - both[1].log_evidence
+        likelihood = [one.log_likelihood for one in both if one.log_likelihood is not None]
+        return min(gain, likelihood[0] - likelihood[1]) if len(likelihood) == 2 else gain

@@ -21,7 +21,7 @@ from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrink, shrinking
 from orthoglide_cal.estimation.solution import OPTIMAL, Contrasts, rms
-from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of
+from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened, ids_of, unit_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -237,6 +237,12 @@ class Fit(ReadOnly):
     def log_likelihood(self) -> float:
         """ln p of the data at the fit, without constant and sizes of causes, but with bounds."""
         return self.log_positive - 0.5 * self.square / self.noise.stated**2
+
+    @property
+    def judged(self) -> Hypothesis:
+        """The hypothesis with the evidence of its fit."""
+        likelihood = self.log_likelihood if unit_of(self.effects) == 1.0 else None
+        return replace(self.hypothesis, log_evidence=self.log_evidence, log_likelihood=likelihood)
 
     @property
     def scaled(self) -> Floats:

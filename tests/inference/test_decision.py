@@ -15,7 +15,6 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from orthoglide_cal.estimation.gaussian import mixture, probabilities
-from orthoglide_cal.inference.belief import Evidence
 from orthoglide_cal.inference.diagnose import Diagnosis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import pattern_candidates, scores_of
@@ -56,7 +55,7 @@ def decision(misfit: float = 0.0, likelier: float = 99.0, **shares: float) -> Di
         # No unknown follows what is left.
         leaves = {"linear": left, "columns": 0.0 * fit.columns, "log_positive": likelihood}
         fits[ids] = replace(fit, log_evidence=evidence, **leaves)
-    short = {ids: Evidence.of(fit) for ids, fit in fits.items()}
+    short = {ids: fit.judged for ids, fit in fits.items()}
     return Diagnosis(session().measured, session().model, at, made, patterns, short, fits)
 
 
