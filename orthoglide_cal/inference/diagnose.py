@@ -312,22 +312,6 @@ class Diagnosis(Decision):
         effects = {effect.cause.id: effect for effect in self.fit.effects}
         return tuple(effects[cause.id] for cause in self.causes)
 
-    @property
-    def rivals(self) -> tuple[Ids, ...]:
-        """Causes open in place of the answer or besides it, in the order of `ambiguous_with`.
-
-        Those that act together are one, unless each is open alone, too.
-        """
-        (_, answer), *others = self.left_open
-        order = self.ambiguous_with
-        apart = {tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others} - {()}
-        kept = (
-            ids
-            for ids in apart
-            if set(ids) <= set(order) and (len(ids) == 1 or not {(id,) for id in ids} <= apart)
-        )
-        return tuple(sorted(kept, key=lambda ids: [order.index(id) for id in ids]))
-
     @cached_property
     def unshown(self) -> tuple[UnshownFault, ...]:
         """Faults of the record that would not show besides the named causes, at all places."""

@@ -484,9 +484,9 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     """Not released; what is wrong in any case comes first, then what decides."""
     ids = [cause.id for cause in diagnosis.causes]
     sound = any(e.sound and e.probability >= WORTH_SAYING for e in diagnosis.explanations)
-    reasons = [Reason.of("undecided", answers=(ids, *diagnosis.rivals), sound=sound)]
-    left_open = (set(fit.ids) for _, fit in diagnosis.left_open)
-    sure = set() if sound else set.intersection(*left_open)
+    answers = tuple(fit.hypothesis.ids for _, fit in diagnosis.left_open)
+    reasons = [Reason.of("undecided", answers=answers, sound=sound)]
+    sure = set() if sound else set(ids).intersection(*answers)
     if any(state.pattern for state in diagnosis.explanations):
         # Instead of what happened at one place something beyond the list may have.
         sure -= {cause.id for cause in diagnosis.causes if cause.where}

@@ -17,7 +17,6 @@ from orthoglide_cal.estimation.solution import without_zeros
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
-from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.patterns import PLANNED
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
@@ -31,7 +30,7 @@ from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals
 from tests.decisions import content, diagnose_anew
-from tests.inference.sessions import OPTIMAL, changed, given, ids, known, step_left
+from tests.inference.sessions import OPTIMAL, given, ids, known, step_left
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
 from tests.truth.bed import distinguish_bed, draw_bed
 from tests.truth.beyond import draw_beyond
@@ -272,31 +271,6 @@ def test_open_explanations_are_optima_and_the_offsets_their_mean() -> None:
                 effects = tuple(other if each is effect else each for each in fit.effects)
                 moved.append(replace(fit, effects=effects))
         assert all(step_left(each, white) > OPTIMAL for each in moved), name
-
-
-def test_causes_that_act_together_are_one_rival(named: Diagnosis) -> None:
-    """Each that is open alone as well is told alone; a part of the answer is no rival."""
-    (_, answer), *_ = named.left_open
-    acting = {
-        id: replace(answer.effects[0], cause=CAUSES[id])
-        for id in ("axis_gap", "misread", "bar_skew", "sign_flip")
-    }
-
-    def open_(*ids: str) -> tuple[float, Fit]:
-        return 0.1, replace(answer, effects=tuple(acting[id] for id in ids))
-
-    order = ("misread", "bar_skew", "sign_flip")
-    sets = (
-        open_("axis_gap", "bar_skew"),
-        open_("misread", "bar_skew"),
-        open_("axis_gap"),
-        open_("misread"),
-        open_("misread", "sign_flip"),
-        open_(),
-    )
-    left = (open_("axis_gap"), *sets)
-    found = changed(named, left_open=left, verdict=Verdict.AMBIGUOUS, _others=order)
-    assert found.rivals == (("misread",), ("misread", "sign_flip"), ("bar_skew",))
 
 
 # Clear sessions: 4 σ from every other claim.

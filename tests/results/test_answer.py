@@ -261,6 +261,13 @@ def test_where_several_are_open_the_parameters_are_their_mean() -> None:
     assert case.answer.alone is None
 
 
+def test_what_is_open_is_the_same_in_the_release_and_in_the_diagnosis() -> None:
+    answer = cases.ambiguous().answer
+    (undecided,) = (reason for reason in answer.release.reasons if reason.code == "undecided")
+    asked = {state.ids for state in answer.explanations if state.parameters and state.ids}
+    assert set(undecided.data["answers"]) == asked
+
+
 def test_the_place_of_the_fault_stands_in_the_first_line_of_the_advice() -> None:
     answer = cases.named_in_measurement().answer
     (cause,) = answer.causes
