@@ -13,7 +13,7 @@ from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.model import Cause, Estimate
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.sentences import cause_words, sentence
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results.answer import RETAKE, THEN, Answer, CheckReading
 from orthoglide_cal.results.application import recording
 from orthoglide_cal.schema import Reason
@@ -59,12 +59,6 @@ class Case:
     @property
     def words(self) -> Vocabulary:
         return self.machine.vocabulary
-
-    def title_of(self, id: str, parameters: int = 1) -> str:
-        """Name of a cause at such a machine; of wrong readings, with a parameter each, how many."""
-        if CAUSES[id].hides_reading and parameters > 1:
-            return f"{parameters} readings are wrong"
-        return cause_words(id, self.machine)["title"]
 
     def says(self, reason: Reason) -> str:
         return sentence(reason, self.machine)

@@ -14,8 +14,9 @@ from typing import Any
 
 import yaml
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.inference.result import FoundPattern
+from orthoglide_cal.inference.result import FoundCause, FoundPattern
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
@@ -71,6 +72,13 @@ def _cause(id: str, kind: str) -> Mapping[str, str]:
         known = ", ".join(sorted({*_OF_CAUSES, *MACHINES}))
         raise InputError("The key is not known.", f"Known: {known}.", file=path, column=name)
     return {"title": title, **_TEXTS["causes"], **texts, **of_kinds[kind]}
+
+
+def cause_title(machine: Machine, cause: FoundCause) -> str:
+    """Name of a cause that was found; of wrong readings, with a parameter each, how many."""
+    if CAUSES[cause.id].hides_reading and len(cause.parameters) > 1:
+        return f"{len(cause.parameters)} readings are wrong"
+    return cause_words(cause.id, machine)["title"]
 
 
 def cause_words(id: str, machine: Machine, where: str = "") -> Mapping[str, str]:
@@ -189,8 +197,8 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
 # The same in the words of a kind of machine.
 _MACHINE_FORMATS: Mapping[str, Callable[[Machine, Any], str]] = {
     "lower": lambda machine, reason: uncapitalized(sentence(reason, machine)),
-    "titles": lambda machine, ids: capitalized(
-        " and ".join(cause_words(id, machine)["title"] for id in ids)
+    "titles": lambda machine, causes: capitalized(
+        " and ".join(cause_title(machine, cause) for cause in causes)
     ),
     "beyond": lambda machine, limits: machine.vocabulary.beyond.format(
         limit=", ".join(dict.fromkeys(f"{most:g} {unit}" for most, unit in limits))

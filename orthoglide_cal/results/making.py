@@ -112,7 +112,9 @@ def answer_to(
     if kept and not consistent:
         retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    judged = alone if consistent else _as_diagnosed(given, solution, diagnosis)
+    # What the readings alone do not determine is not shown as if priors of causes did.
+    on_its_own = consistent or "undetermined" in decision.codes
+    judged = alone if on_its_own else _as_diagnosed(given, solution, diagnosis)
     chosen, named = alone if method else judged, verdict is Verdict.NAMED
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
@@ -563,6 +565,6 @@ def _named(
         caution = Reason.of("corrected", ids=ids, **size)
     else:
         size["probability"] = diagnosis.causes[0].probability
-        reason = Reason.of("offsets_wrong", ids=ids, **size)
+        reason = Reason.of("offsets_wrong", causes=diagnosis.causes, ids=ids, **size)
         return Release(reasons=(reason,), remedies=tuple(remedies))
     return Release(cautions=(caution,), remedies=tuple(remedies))

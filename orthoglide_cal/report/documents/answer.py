@@ -28,7 +28,14 @@ from orthoglide_cal.report.case import (
     sizes_words,
 )
 from orthoglide_cal.report.figures import brief_residuals, differences_figure, residual_blocks
-from orthoglide_cal.report.sentences import METHODS, SOURCES, cause_words, label_words, pattern_name
+from orthoglide_cal.report.sentences import (
+    METHODS,
+    SOURCES,
+    cause_title,
+    cause_words,
+    label_words,
+    pattern_name,
+)
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import RETAKE, Answer
 from orthoglide_cal.results.application import recording
@@ -270,7 +277,7 @@ def _named(case: Case) -> str:
     # Readings of one plane do not show what makes their shape.
     flat = isinstance(measured, Readings) and measured.plan.flat
     shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
-    titles = [case.title_of(c.id, len(c.parameters)) for c in (first, *others) if c is not shape]
+    titles = [cause_title(case.machine, c) for c in (first, *others) if c is not shape]
     # Causes that look the same, such as a stand that was knocked before the last reading.
     singles = ((e.ids[0], e.probability) for e in case.answer.explanations if len(e.ids) == 1)
     alike = [(id, p) for id, p in singles if id in first.aliases and 2.0 * p > first.probability]
@@ -634,7 +641,7 @@ def _notes(case: Case, *, brief: bool = False) -> Iterator[str]:
         yield f"These readings cannot show {named}. How to check: --details."
         faults = []
     for fault, at in zip(faults, places, strict=False):
-        title = f"{case.title_of(fault.id)}{at}"
+        title = cause_words(fault.id, case.machine)["title"] + at
         yield f"These readings cannot show whether {title}. How to check: {case.says(fault.check)}."
     large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
     would = "would explain these readings with"
@@ -695,4 +702,4 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     alone = f" Repeats alone{p} understate the scatter: same set-up."
     yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
     if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
-        yield from ((e.id, case.title_of(e.id, len(e.parameters))) for e in answer.causes)
+        yield from ((e.id, cause_title(case.machine, e)) for e in answer.causes)

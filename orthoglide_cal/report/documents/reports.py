@@ -30,7 +30,7 @@ from orthoglide_cal.report.documents.answer import (
     steps_section,
     to_do,
 )
-from orthoglide_cal.report.sentences import RESPONSES, cause_words, sentence
+from orthoglide_cal.report.sentences import RESPONSES, cause_title, cause_words, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.answer import Answer, Identity, Validity
 from orthoglide_cal.results.verification import Coefficient, Outcome, Verification
@@ -156,7 +156,7 @@ def _causes(case: Case) -> list[doc.Section]:
     steps = () if answer.release.usable else answer.release.remedies  # else what to enter
     advised = " ".join(case.says(remedy.sentence) for remedy in steps)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        title = f"{case.title_of(cause.id)} ({cause.id})"
+        title = f"{cause_title(case.machine, cause)} ({cause.id})"
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
         if moves := figures.shims(cause.id, cause.parameters):
             rows = [(rail, f"{plain(mm, 2)} mm", along) for rail, mm, along in moves]
