@@ -114,7 +114,7 @@ def answer_to(
         decision = decision.changed(remedies=(retake, *decision.remedies))
     # What the readings alone do not determine is not shown as if priors of causes did.
     on_its_own = consistent or "undetermined" in decision.codes
-    judged = alone if on_its_own else _as_diagnosed(given, solution, diagnosis)
+    judged = alone if on_its_own else as_diagnosed(given, solution, diagnosis)
     chosen, named = alone if method else judged, verdict is Verdict.NAMED
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
@@ -264,7 +264,7 @@ def widened(given: Input, known: Solution, more: Iterable[Contribution] = ()) ->
     return replace(known, budget=known.budget.extended([*more, *warm]))
 
 
-def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Solution:
+def as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Solution:
     """The parameters under what the diagnosis found."""
     model = given.model
     if diagnosis.verdict is Verdict.NAMED:

@@ -39,7 +39,7 @@ from orthoglide_cal.estimation.solution import (
 from orthoglide_cal.files.input import Input, InputFile, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose
-from orthoglide_cal.inference.result import Parameter
+from orthoglide_cal.inference.result import Parameter, Verdict
 from orthoglide_cal.inference.sessions import Behaviour, decide_response
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
@@ -48,7 +48,13 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import STEP_K, Validity
-from orthoglide_cal.results.making import parameters_of, remainder, validity, widened
+from orthoglide_cal.results.making import (
+    as_diagnosed,
+    parameters_of,
+    remainder,
+    validity,
+    widened,
+)
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
@@ -210,8 +216,8 @@ def verify(
             "Nothing was applied, so there is no response to verify.",
             "Give the change that was entered in the controller: --applied DX DY DZ",
         )
-    first, right = _solved(before, model)
-    second, _ = _solved(after, model.correcting(held))
+    after = replace(after, model=model.correcting(held))
+    (first, right, side), (*_, other) = map(_solved, (before, after))
     added = correcting(model.machine, corrected)
     response = _respond(before.measured, after.measured, model, added, first.offsets_mm, applied)
     later, data = pose(after.measured, model, table_kind(before.measured))
@@ -237,7 +243,7 @@ def verify(
     if limit_mm is not None:
         decision = Conformity(outcome=min(outcomes, key=[*Outcome].index), limit_mm=limit_mm)
     return Verification(
-        **_common((before, after), (first, second), entered.tolist()),
+        **_common((before, after), (side, other), entered.tolist()),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
         apart_mm=apart,
         apart_expanded_mm=both,
@@ -271,8 +277,8 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     corrected = _more(entry.corrected_before or {}, entry.corrected or {}) if entry else {}
     # What the firmware corrects since then was wrong, and is promised not to be.
     wrong = (effect.cause.at(-effect.theta) for effect in correcting(machine, corrected))
-    first = _solved(before, before.model.extended(wrong))[0]
-    second = _solved(after, after.model)[0]
+    before = replace(before, model=before.model.extended(wrong))
+    (first, _, side), (second, _, other) = map(_solved, (before, after))
     count, touches = (int(one.problem.plan.touches.sum()) for one in (first, second))
     was, u_was, noise2 = _mean_square(first, first.measured.value)
     promised, u_promised, _ = _mean_square(first, first.measured.value - first.predicted_mm)
@@ -289,7 +295,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
         most_mm = min(most_mm, (before_mm + promised_mm) / 2.0)
     return Verification(
-        **_common((before, after), (first, second), entered),
+        **_common((before, after), (side, other), entered),
         kind="heights",
         corrected=corrected,
         compared=touches,
@@ -323,21 +329,18 @@ def _mean_square(solution: Solution, heights: Floats) -> tuple[float, float, flo
 
 def _common(
     inputs: tuple[Input, Input],
-    solutions: tuple[Solution, Solution],
+    sides: tuple[ComparedInput, ComparedInput],
     entered: Sequence[float | None],
 ) -> dict[str, object]:
-    before, after = (
-        ComparedInput.of(given, validity=validity(given), parameters=parameters_of(solution))
-        for given, solution in zip(inputs, solutions, strict=True)
-    )
+    (before, after), machine = sides, inputs[0].model.machine
     return {
-        "inputs": tuple(replace(e, model=s.model) for e, s in zip(inputs, solutions, strict=True)),
+        "inputs": inputs,
         "simulated": any(given.measured.source.simulated for given in inputs),
         "before": before,
         "after": after,
-        "machine": solutions[0].model.machine.name,
+        "machine": machine.name,
         "reservations": tuple(compare_reservations(before.validity, after.validity)),
-        "entered": dict(zip(solutions[0].model.machine.parameter_names, entered, strict=True)),
+        "entered": dict(zip(machine.parameter_names, entered, strict=True)),
     }
 
 
@@ -361,11 +364,14 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
             yield Reason.of("temperatures_differ", before_c=first, after_c=second)
 
 
-def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
-    """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
-    diagnosis = diagnose(given.measured, model)
-    alone = diagnosis.alone
-    return widened(given, alone, diagnosis.adds_to(alone)), diagnosis.put_right
+def _solved(given: Input) -> tuple[Solution, Measured, ComparedInput]:
+    """The parameters alone, data without passing faults, and the parameters under the verdict."""
+    diagnosis = diagnose(given.measured, given.model)
+    alone = found = widened(given, diagnosis.alone, diagnosis.adds_to(diagnosis.alone))
+    if diagnosis.verdict is not Verdict.CONSISTENT:
+        found = as_diagnosed(given, diagnosis.alone, diagnosis)
+    side = ComparedInput.of(given, validity=validity(given), parameters=parameters_of(found))
+    return alone, diagnosis.put_right, side
 
 
 def _entered(
