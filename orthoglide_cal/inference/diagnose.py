@@ -631,7 +631,9 @@ class Diagnosis(Decision):
         if self.not_excluded:
             yield Reason.of("not_excluded", ids=self.not_excluded)
         for cause, place in self._beside_patterns():
-            yield Reason.of("acts_too", id=cause.id, where=cause.label(place, white.plan, machine))
+            for one in [(row,) for row in place] if cause.hides_reading else [place]:
+                where = cause.label(one, white.plan, machine)
+                yield Reason.of("acts_too", id=cause.id, where=where)
         if self.verdict is Verdict.UNEXPLAINED:
             best, least = self.best, DISMISSED * max(self.unlisted.values())
             if len(best) > 1 and self.listed[best] >= least:

@@ -81,7 +81,7 @@ def _text(case: Case) -> Iterator[str]:
     if case.words.home:
         yield f"{case.words.home}, as the controller is set now:"
         for row in answer.parameters:
-            says, truly = (plain(home + by, digits) for by in (0.0, row.change(digits)))
+            says, truly = (plain(home + by, digits) for by in (0.0, row.found or 0.0))
             yield f"{row.name}: the controller says {says} mm, truly {truly} mm"
         yield ""
 

@@ -484,9 +484,10 @@ def _residual_words(case: Case) -> str | None:
         return f"As in the paper (six equations): {values}, {rms} mm r.m.s."
     readings = "readings" if answer.input.kind == DataKind.READINGS else "differences"
     left = f"{plain(answer.rms.after_mm, 4)} after"
-    if answer.alone is not None:  # the causes stay when the parameters are entered
-        left = f"{plain(answer.alone.rms_after_mm, 4)} with {case.words.many} only,"
-        left += f" {plain(answer.rms.after_mm, 4)} with {' and '.join(answer.named)}"
+    acting = answer.named or [f"the {pattern_name(one)}" for one in answer.beyond[:1]]
+    if acting and answer.lack_of_fit:  # what stays when the parameters are entered
+        only = f"{plain(answer.lack_of_fit.left_mm, 4)} with {case.words.many} only"
+        left = f"{only}, {plain(answer.rms.after_mm, 4)} with {' and '.join(acting)}"
     before = f"{plain(answer.rms.before_mm, 4)} mm r.m.s. before"
     return f"Residuals of the {readings}{weighing(case.given.measured)}: {before}, {left}."
 
