@@ -164,7 +164,8 @@ def _table(history: History, chosen: set[int]) -> doc.Grid:
     for at, after in zip(shown, (*shown[1:], count), strict=True):
         session = history.sessions[at]
         rows.append(row(_label(history, at), session.parameters))
-        if session.refuted and at < count - 1:  # far less sure than the others
+        sizes = zip(session.parameters, history.sessions[-1].parameters, strict=True)
+        if any(size.expanded > 2.0 * last.expanded for size, last in sizes):  # far less sure
             rows.append(row("± U", session.parameters, uncertain=True))
         if any(at <= change.at < after for change in history.changes):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))

@@ -339,7 +339,10 @@ def _verification_notice(result: Verification) -> doc.Notice:
             lines[-1] += " " + says(Reason.of("limit_below_u"))
     lines += map(says, filter(None, [result.remains]))
     tone = doc.Tone.GOOD if result.kept else doc.Tone.BAD
-    unsure = bool(result.reservations)
+    known = [*result.reservations]
+    if result.other_change and result.other_change.found:
+        known.insert(0, Reason.of("other_change", change=result.other_change))
+    unsure = bool(known)
     if result.moved:
         title = "The machine has moved: nothing was entered, and the touches agree worse"
         lines.append("Look for a part that was hit or came loose; then calibrate and probe again.")
@@ -359,11 +362,9 @@ def _verification_notice(result: Verification) -> doc.Notice:
         tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
     else:
         title = "The correction worked as predicted"
-        changed = result.other_change is not None and result.other_change.found
-        unsure = unsure or changed or outcome is Outcome.UNDECIDED
+        unsure = unsure or outcome is Outcome.UNDECIDED
     if unsure and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
-    known = [*result.reservations]
     worthless = [e for e in known if getattr(e.data.get("reason"), "code", "") in INVALIDATING]
     if worthless and tone is not doc.Tone.BAD:
         title, lines = says(worthless[0]).rstrip("."), [f"{title}.", *lines]
@@ -511,9 +512,8 @@ def _response(result: Verification) -> Iterator[doc.Block]:
         "95 % interval": [" … ".join(signed(end, decimals) for end in row.ci95_mm) for row in rows],
     }
     yield doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
-    if change := result.other_change:
-        code = "other_change" if change.found else "no_other_change"
-        yield _says(result)(Reason.of(code, change=change))
+    if result.other_change and not result.other_change.found:
+        yield _says(result)(Reason.of("no_other_change", change=result.other_change))
 
 
 # --- what both have -------------------------------------------------------------------------------
