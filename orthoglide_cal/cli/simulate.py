@@ -130,9 +130,9 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
         raise UsageError(fault, error.remedy) from error
     if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
         wants = counted(len(names), "value") + (f" in {cause.unit}" if cause.unit else "")
-        wanted = f"={','.join(names)}" if names else ""
-        fault = f"--cause {id} takes {wants}, not {len(values)}."
-        raise UsageError(fault, f"Write {id}{wanted}, a number for each name.")
+        fault = f"--cause {id} takes {wants if names else 'no value'}, not {len(values)}."
+        wanted = f"{id}={','.join(names)}, a number for each name" if names else f"--cause {id}"
+        raise UsageError(fault, f"Write {wanted}.")
     low = 0.0 if cause.positive else -LARGEST
     if any(not low <= value <= LARGEST for value in values):
         remedy = f"Give numbers from {low:g} to {LARGEST:g}."

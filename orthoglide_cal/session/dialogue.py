@@ -1046,7 +1046,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
     with suppress(InputError), ExitStack() as opened:
         readings = counted(len(Journal.resume(journal, opened).state.accepted), "reading")
     aside = free_path(path.parent, path.stem, ".discarded")
-    fate = f"It will be kept as {aside}\nand cannot be resumed. Give it up?"
+    fate = f"It will be kept as {aside}\nand cannot be resumed. Discard it?"
     if not agrees(f"{journal} holds {readings}.\n{fate}"):
         return None
     try:

@@ -23,7 +23,7 @@ from tests.machines import PROTOTYPE
 from tests.sentences import sentences
 
 DEAD, SCATTER, GRID, RANGE, UNIT = (
-    "never differ", "differ by", "more decimals", "beyond the gauge's range", "cannot show these",
+    "never differ", "differ by", "lie between", "beyond the gauge's range", "cannot show these",
 )  # fmt: skip
 both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=lambda g: g.name)
 

@@ -46,7 +46,6 @@ from orthoglide_cal.words import (
     decimals_for,
     difference_decimals,
     listed,
-    number,
     plain,
     short,
     signed,
@@ -431,7 +430,7 @@ def _open_blocks(case: Case) -> Iterator[str]:
     names = {parameter.name for parameter in case.answer.parameters}
     for unknown in case.answer.undetermined:
         stated = unknown.name not in names
-        size = number(unknown.within) if stated else two_figures(unknown.within)
+        size = f"{unknown.within:.3g}" if stated else two_figures(unknown.within)
         how = f"{'taken as stated to within' if stated else 'U ='} {size}"
         yield f"Not determined: {unknown.name}, {how} {unit_words(unknown.unit)}."
 
@@ -700,7 +699,8 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     }
     known = (f"{name} {plain(mm, 4)}" for name, mm in sizes.items() if mm is not None)
     p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+    more = noise.repeats_mm is not None and noise.repeats_mm < (noise.residuals_mm or 0.0)
     alone = f" Repeats alone{p} understate the scatter: same set-up."
-    yield "Noise, mm", f"{', '.join(known)}.{alone * (noise.repeats_mm is not None)}"
+    yield "Noise, mm", f"{', '.join(known)}.{alone * more}"
     if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
         yield from ((e.id, cause_title(case.machine, e)) for e in answer.causes)
