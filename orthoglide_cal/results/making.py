@@ -477,8 +477,11 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
     if known and not is_likely(diagnosis.enterable, FALSE_RELEASE, diagnosis.needless_hold):
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
-    sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
-    reason = diagnosis.refuted or Reason.of("unexplained", **sizes)
+    remains = Reason.of("order_remains")
+    if lack.left_mm > lack.expected_mm:
+        sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
+        remains = Reason.of("more_remains", **sizes)
+    reason = diagnosis.refuted or Reason.of("unexplained", remains=remains)
     return Release(reasons=(reason,), remedies=remedies or (Remedy.of("again"),))
 
 
