@@ -472,10 +472,16 @@ class Diagnosis(Decision):
 
     @property
     def enterable(self) -> float:
-        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
+        """Probability that what acts falsifies no offsets: it moves those alone by less than U.
 
-        It has to pass; listed causes that act with it may stay if they move nothing beyond U.
+        What is not listed has to pass, and to leave no more than noise; listed causes that act with
+        it may stay if they move nothing beyond U.
         """
+        if self.verdict is Verdict.AMBIGUOUS:
+            shares, fits = zip(*self.by_place, strict=True)
+            u = NORMAL_K * np.min([np.sqrt(np.diag(f.offsets_covariance)) for f in fits], axis=0)
+            moved = [np.abs(fit.offsets - self.alone.offsets_mm) for fit in fits]
+            return float(np.dot(shares, np.all(moved <= u, axis=1)) / sum(shares))
         probability = 0.0
         for one, share in self.beyond_list.items() if self.described else ():
             unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]

@@ -473,8 +473,7 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
 def _unexplained(diagnosis: Diagnosis) -> Release:
     patterns = diagnosis.acting
     remedies = tuple(Remedy.of("beyond_remedy", "measure", THEN, pattern=one) for one in patterns)
-    known = all(diagnosis.model.machine.determined(NORMAL_K * diagnosis.std_mm))
-    if known and not is_likely(diagnosis.enterable, FALSE_RELEASE, diagnosis.needless_hold):
+    if _costs_less_to_enter(diagnosis):
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
     remains = Reason.of("order_remains")
@@ -483,6 +482,11 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
         remains = Reason.of("more_remains", **sizes)
     reason = diagnosis.refuted or Reason.of("unexplained", remains=remains)
     return Release(reasons=(reason,), remedies=remedies or (Remedy.of("again"),))
+
+
+def _costs_less_to_enter(diagnosis: Diagnosis) -> bool:
+    known = all(diagnosis.model.machine.determined(NORMAL_K * diagnosis.std_mm))
+    return known and not is_likely(diagnosis.enterable, FALSE_RELEASE, diagnosis.needless_hold)
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
@@ -510,6 +514,9 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     if best and shape in (*ids, *diagnosis.ambiguous_with):
         # What lasts may be carried, whatever its cause.
         remedies.append(Remedy.of("accept_shape", "diagnose", f"--accept {shape}"))
+    if len(reasons) == 1 and _costs_less_to_enter(diagnosis):
+        caution = Reason.of("undecided_within_u", answers=answers, sound=sound)
+        return Release(cautions=(caution,), remedies=tuple(remedies))
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))
 
 

@@ -190,7 +190,7 @@ def test_a_plan(machine: str) -> None:
 
 
 def test_what_was_questioned_and_kept_is_retaken_first() -> None:
-    case = of_orthoglide(("backlash",), 21, "micron", None)
+    case = of_orthoglide(("thermal_drift",), 14, "micron", None)
     assert case.answer.verdict is Verdict.AMBIGUOUS
     again = Remedy.of("do", "measure", RETAKE, what="Retake: r 14")
     release = case.answer.release
