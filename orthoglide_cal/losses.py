@@ -20,8 +20,7 @@ FALSE_RELEASE = 1500.0
 # A fault that these readings hardly show is missed: it is found at the next check, and one session
 # more has to be measured then, with its set-up.
 MISSED_FAULT = 75.0
-# A fault is looked for, or offsets are corrected and verified, that are right: the machine stands
-# still for two hours.
+# What is right is taken for a fault, or corrected: the machine stands still for two hours.
 NEEDLESS_HOLD = 120.0
 # The same of a printer: cooled, looked at, heated, calibrated, probed and printed. Three hours.
 COLD_HOLD = 180.0

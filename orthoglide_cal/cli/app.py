@@ -117,10 +117,8 @@ def run() -> None:
     atexit.register(gc.freeze)
     codecs.register_error(_in_ascii.__name__, _in_ascii)
     # Closed by the shell (`>&-`): nobody reads it.
-    sys.stdout, sys.stderr = (
-        stream or open(os.devnull, "w")  # noqa: SIM115
-        for stream in (sys.stdout, sys.stderr)
-    )
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=_in_ascii.__name__)

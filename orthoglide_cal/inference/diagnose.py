@@ -56,7 +56,7 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.losses import DISMISSED, MISSED_CHANGE, surprising
+from orthoglide_cal.losses import DISMISSED, FALSE_RELEASE, MISSED_CHANGE, is_likely, surprising
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import NORMAL_K, Cause, Effect, Model, Place
@@ -191,12 +191,10 @@ class Diagnosis(Decision):
 
         Its offsets do not differ (χ²) from those that are entered by what had better be corrected.
         """
-        least = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, self.needless_hold)
-        return all(
-            chance_of_residual(float(fit.offsets @ apart), apart.size, 1.0) >= least
-            for _, fit in self.left_open
-            for apart in [np.linalg.solve(fit.offsets_covariance, fit.offsets)]
-        )
+        rows = ((fit.offsets, fit.offsets_covariance) for _, fit in self.left_open)
+        far = [float(offsets @ np.linalg.solve(spread, offsets)) for offsets, spread in rows]
+        chance = chance_of_residual(max(far), self.offsets_mm.size, 1.0)
+        return chance >= surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, self.needless_hold)
 
     @property
     def offsets_mm(self) -> Floats:
@@ -442,8 +440,10 @@ class Diagnosis(Decision):
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
         (effect,) = (one for one in self.fit_of(best).effects if one.cause.id == id)
-        source = self.measured.source
-        model = self.model.accepting(effect.accepted(on.isoformat(), source.sha256))
+        source, model = self.measured.source, self.model
+        effect = effect.accepted(on.isoformat(), source.sha256)
+        effect = replace(effect, theta=model.total(effect))
+        model = model.extended([effect]).correcting(model.machine.corrected)
         if source.simulated:  # what is accepted from it is no knowledge of a machine
             return replace(model, machine=model.machine.changed(practice=True))
         return model
@@ -471,11 +471,16 @@ class Diagnosis(Decision):
         return read_only(sum(p * self._left_under(one) for one, p in self.beyond_list.items()))
 
     @property
-    def enterable(self) -> float:
-        """Probability that what acts falsifies no offsets: it moves those alone by less than U.
+    def enterable(self) -> bool:
+        """True if to enter the offsets costs less than to look for what may falsify them."""
+        known = all(self.model.machine.determined(NORMAL_K * self.std_mm))
+        return known and not is_likely(self._unmoved, FALSE_RELEASE, self.needless_hold)
 
-        What is not listed has to pass, and to leave no more than noise; listed causes that act with
-        it may stay if they move nothing beyond U.
+    @property
+    def _unmoved(self) -> float:
+        """Probability that what acts moves the offsets alone by less than U.
+
+        What is not listed has to pass, and to leave no more than noise.
         """
         if self.verdict is Verdict.AMBIGUOUS:
             shares, fits = zip(*self.by_place, strict=True)
@@ -637,9 +642,9 @@ class Diagnosis(Decision):
         if self.not_excluded:
             yield Reason.of("not_excluded", ids=self.not_excluded)
         for cause, place in self._beside_patterns():
-            for one in [(row,) for row in place] if cause.hides_reading else [place]:
-                where = cause.label(one, white.plan, machine)
-                yield Reason.of("acts_too", id=cause.id, where=where)
+            rows = [(row,) for row in place] if cause.hides_reading else [place]
+            wheres = (cause.label(row, white.plan, machine) for row in rows)
+            yield from (Reason.of("acts_too", id=cause.id, where=where) for where in wheres)
         if self.verdict is Verdict.UNEXPLAINED:
             best, least = self.best, DISMISSED * max(self.unlisted.values())
             if len(best) > 1 and self.listed[best] >= least:

@@ -30,7 +30,6 @@ _MEANS_OF = (*range(1, 11), 12, 20, 30)
 _TOO_MUCH = 2.0  # times the stated noise: readings that scatter more are in no such unit
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
 _RESERVE = 2.0  # a maker states a repeatability that so much better gauges have
-_EQUAL_SHARE = 0.9  # of false doubts by equal repeats; the others by too little scatter
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
 # Dial indicators repeat within five divisions; the coarsest have tenths, the longest 100 mm.
@@ -156,8 +155,8 @@ def too_steady(
         mine = np.full(len(value), True) if chosen is None else setup == chosen
         size = np.bincount(repeat[mine])
         squares = np.asarray(np.bincount(repeat[mine], left[mine] ** 2), np.float64)
-        chance = (1 + setups.size) * chance_of_less_scatter(squares, size, gauge)
-        if chance * SESSIONS_A_QUESTION < 1.0:
+        chance = 2.0 * chance_of_less_scatter(squares, size, gauge)
+        if chance * (1 if chosen is None else setups.size) * SESSIONS_A_QUESTION < 1.0:
             scatter = math.sqrt(squares.sum() / np.maximum(size - 1, 0).sum())
             return chosen, scatter if scatter > _EQUAL_MM else 0.0
     return None
@@ -176,8 +175,7 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
     n readings of noise σ, rounded to q, are all equal if one division holds all: with the mean of
     the chance over the places between two divisions. Only then is S < q²/2, the sum of squares
     about their mean. Rounding changes √S by at most √n·q/2, and S/σ² before it is χ² of ν degrees
-    of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). The smaller of the two counts, each divided by
-    its share of false doubts.
+    of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). Twice the smaller of the two counts.
 
     Args:
         squares: S of each cell, shape (c,) [mm²].
@@ -199,8 +197,7 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
     costs = np.sort(-np.log(np.maximum(chance, np.finfo(np.float64).tiny))[number])
     equal = np.count_nonzero(squares < 0.5 * step**2)
     some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
-    logs = less - math.log(1.0 - _EQUAL_SHARE), some - math.log(_EQUAL_SHARE)
-    return math.exp(min(*logs, 0.0))
+    return min(2.0 * math.exp(min(less, some)), 1.0)
 
 
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:

@@ -404,11 +404,6 @@ class Model:
         machine = self.machine.changed(corrected=corrected)
         return replace(self, machine=machine, accepted=tuple(accepted))
 
-    def accepting(self, effect: Effect) -> Model:
-        """The model with a cause of which readings showed what its controller leaves."""
-        total = replace(effect, theta=self.total(effect))
-        return self.extended([total]).correcting(self.machine.corrected)
-
     def total(self, effect: Effect) -> Floats:
         """Parameters (p,) with what the controller corrects, of which readings show the rest."""
         cause, corrected = effect.cause, self.machine.corrected

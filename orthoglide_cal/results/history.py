@@ -177,11 +177,6 @@ class _Session:
             for lasting, shares in self.by_lasting.items()
         }
 
-    def scale_of(self, standing: Ids) -> float:
-        """Ratio of the size of these causes to their usual one, by the likeliest explanation."""
-        shares = self.by_lasting[standing]
-        return self.belief.hypotheses[max(shares, key=shares.__getitem__)].scale
-
     def settle(self, standing: Ids, causes: tuple[Cause, ...], scale: float) -> None:
         """Find the values, if the machine had the standing causes then; `causes` of any date.
 
@@ -342,7 +337,10 @@ def compare(
         session.conclude(None if known else later)
     pairs = [*zip(sessions, standing := _standing(sessions), strict=True)]
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
-    scale = max((session.scale_of(ids) for session, ids in pairs if ids), default=1.0)
+    # In usual sizes of the causes, by the likeliest explanation of each session.
+    shares = ((session, session.by_lasting[ids]) for session, ids in pairs if ids)
+    likeliest = (s.belief.hypotheses[max(p, key=p.__getitem__)] for s, p in shares)
+    scale = max((one.scale for one in likeliest), default=1.0)
     for session, ids in pairs:
         session.settle(ids, causes, scale)
     machine = inputs[-1].model.machine

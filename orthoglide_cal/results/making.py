@@ -39,7 +39,6 @@ from orthoglide_cal.inference.result import (
     Parameter,
     Verdict,
 )
-from orthoglide_cal.losses import FALSE_RELEASE, is_likely
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import NORMAL_K, Effect, Model
@@ -112,9 +111,8 @@ def answer_to(
     if kept and not consistent:
         retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    # What the readings alone do not determine is not shown as if priors of causes did.
-    on_its_own = consistent or "undetermined" in decision.codes
-    judged = alone if on_its_own else as_diagnosed(given, solution, diagnosis)
+    unsure = consistent or "undetermined" in decision.codes
+    judged = alone if unsure else as_diagnosed(given, solution, diagnosis)
     chosen, named = alone if method else judged, verdict is Verdict.NAMED
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
@@ -473,20 +471,13 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
 def _unexplained(diagnosis: Diagnosis) -> Release:
     patterns = diagnosis.acting
     remedies = tuple(Remedy.of("beyond_remedy", "measure", THEN, pattern=one) for one in patterns)
-    if _costs_less_to_enter(diagnosis):
+    if diagnosis.enterable:
         return Release(cautions=(Reason.of("beyond_list", patterns=patterns),), remedies=remedies)
     lack = diagnosis.lack_of_fit
-    remains = Reason.of("order_remains")
-    if lack.left_mm > lack.expected_mm:
-        sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
-        remains = Reason.of("more_remains", **sizes)
-    reason = diagnosis.refuted or Reason.of("unexplained", remains=remains)
+    sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
+    code = "more_remains" if lack.left_mm > lack.expected_mm else "order_remains"
+    reason = diagnosis.refuted or Reason.of("unexplained", remains=Reason.of(code, **sizes))
     return Release(reasons=(reason,), remedies=remedies or (Remedy.of("again"),))
-
-
-def _costs_less_to_enter(diagnosis: Diagnosis) -> bool:
-    known = all(diagnosis.model.machine.determined(NORMAL_K * diagnosis.std_mm))
-    return known and not is_likely(diagnosis.enterable, FALSE_RELEASE, diagnosis.needless_hold)
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
@@ -514,7 +505,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     if best and shape in (*ids, *diagnosis.ambiguous_with):
         # What lasts may be carried, whatever its cause.
         remedies.append(Remedy.of("accept_shape", "diagnose", f"--accept {shape}"))
-    if len(reasons) == 1 and _costs_less_to_enter(diagnosis):
+    if len(reasons) == 1 and diagnosis.enterable:
         caution = Reason.of("undecided_within_u", answers=answers, sound=sound)
         return Release(cautions=(caution,), remedies=tuple(remedies))
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))

@@ -201,7 +201,10 @@ def test_accepted_is_what_the_machine_has_not_what_its_controller_leaves() -> No
     model = default_machine().correcting({"encoder_scale": {"x": 0.4}})
     scale = CAUSES["encoder_scale"]
     found = scale.at(np.array([1e-4, -2e-4, 0.0])).accepted("2026-01-01", 64 * "0")
-    again = stored_machine(machine_text(model.accepting(found)), "machine.yaml").model
+    accepting = model.extended([replace(found, theta=model.total(found))])
+    again = stored_machine(
+        machine_text(accepting.correcting(model.machine.corrected)), "machine.yaml"
+    ).model
     assert machine_values(again)["identified"][0]["parameters"]["x"]["value"] == pytest.approx(0.5)
     (left,) = again.remaining()
     np.testing.assert_allclose(left.theta, found.theta, atol=1e-12)

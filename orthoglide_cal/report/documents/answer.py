@@ -690,17 +690,15 @@ def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
     fit = f"{chance(lack.p_value)} with {words.many} only, {counted(lack.dof, 'degree')} of freedom"
     fit += weighing(case.given.measured)
     yield "Fit", fit if lack.dof else f"as many {words.many} as readings: they always fit exactly"
+    p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
     sizes = {
-        "repeats": noise.repeats_mm,
+        f"repeats{p}": noise.repeats_mm,
         "residuals": noise.residuals_mm,
         "stated": noise.stated_mm,
         "resolution q/√12": noise.floor_mm or None,
         "used for U": noise.used_mm,
     }
     known = (f"{name} {plain(mm, 4)}" for name, mm in sizes.items() if mm is not None)
-    p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-    more = noise.repeats_mm is not None and noise.repeats_mm < (noise.residuals_mm or 0.0)
-    alone = f" Repeats alone{p} understate the scatter: same set-up."
-    yield "Noise, mm", f"{', '.join(known)}.{alone * more}"
+    yield "Noise, mm", f"{', '.join(known)}."
     if len(answer.causes) > 1 or answer.verdict is not Verdict.NAMED:  # no headline tells them
         yield from ((e.id, cause_title(case.machine, e)) for e in answer.causes)
