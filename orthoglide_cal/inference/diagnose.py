@@ -441,9 +441,8 @@ class Diagnosis(Decision):
             )
         (effect,) = (one for one in self.fit_of(best).effects if one.cause.id == id)
         source, model = self.measured.source, self.model
-        effect = effect.accepted(on.isoformat(), source.sha256)
-        effect = replace(effect, theta=model.total(effect))
-        model = model.extended([effect]).correcting(model.machine.corrected)
+        total = replace(effect, theta=model.total(effect)).accepted(on.isoformat(), source.sha256)
+        model = model.extended([total]).correcting(model.machine.corrected)
         if source.simulated:  # what is accepted from it is no knowledge of a machine
             return replace(model, machine=model.machine.changed(practice=True))
         return model

@@ -11,6 +11,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.plan import (
@@ -282,13 +283,13 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
 
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     """The best measurement in addition to the data that there are, and its gain."""
-    release = begun.answer.release
-    if not (plan.next or release.usable):
-        return decision_notice(begun)
-    words = plan.model.machine.vocabulary
+    release, decided, clear = begun.answer.release, decision_notice(begun), "Nothing is undecided"
+    if begun.answer.verdict is Verdict.AMBIGUOUS:
+        clear = "No further reading is likely to decide what is open"
     if not plan.next:
-        none = f"Nothing is undecided, and no further {words.noise} readings lower U."
-        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (none,))
+        none = f"{clear}, and no further {plan.model.machine.vocabulary.noise} readings lower U."
+        title = "Nothing needs to be measured"
+        return doc.Notice(decided.tone, title, (none,)) if release.usable else decided
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "" if now is None else f" The largest is now ± {two_figures(now)} mm."
@@ -298,7 +299,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         title += f" give one answer (probability {percent(best.chance)})"
         worth.insert(0, sentence(Reason.of("distinguishes", best=best)))
     elif release.usable:
-        tone, title, may = doc.Tone.GOOD, "Nothing is undecided", f"{decision_notice(begun).title}."
+        tone, title, may = decided.tone, clear, f"{decided.title}."
         worth[:1] = [may, f"To reduce U: {minutes}. {worth[0]}"]
     return doc.Notice(tone, title, tuple(worth))
 
