@@ -56,7 +56,7 @@ class Schema(BaseModel):
 
 
 class Reason(Schema):
-    """Something to know of a result: a code with its data; `report` composes its sentence."""
+    """Fact to know of a result: a code with its data; `report` composes its sentence."""
 
     code: str
     data: Mapping[str, object] = Field(default_factory=dict)

@@ -149,7 +149,7 @@ class _Surface(Cause):
         self._terms = np.array([[term.get(p, 0.0) for p in self._powers] for term in terms])
 
     def within(self, spots: int) -> Self | None:
-        """With its terms of whole degrees: which they are depends on no axis of the bed."""
+        """The cause with terms of whole degrees: which they are depends on no axis of the bed."""
         degrees = [_degree(name) for name in self.names]
         most = spots // PLACES_PER_TERM
         kept = [degree for degree in degrees if sum(other <= degree for other in degrees) <= most]

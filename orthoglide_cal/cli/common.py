@@ -270,7 +270,7 @@ def read_input(
     ruled_out = tuple(sorted(set(rule_out or ())))
 
     def completed(one: Input) -> Input:
-        """With where it is recorded, what its owner wrote, and what was ruled out."""
+        """The input with where it is recorded, what its owner wrote, and what was ruled out."""
         model = replace(one.model, ruled_out=ruled_out) if ruled_out else one.model
         # The machine of many files stays one: what is worked out of it is theirs, too.
         if keeper and keeper.model.machine is not model.machine:

@@ -60,7 +60,7 @@ class Contribution(Schema):
     def of(
         cls, source: str, moved: Floats, size: float | None = None, unit: str = "", **more: Any
     ) -> Self:
-        """By how much one σ of each unknown of a source moves the parameters, (p, q); of type B."""
+        """Take a source of which one σ of each unknown moves the parameters, (p, q); of type B."""
         fields: dict[str, Any] = {"type": "B", "size": size, "unit": unit, **more}
         return cls(source=source, covariance_mm2=read_only(moved @ moved.T), **fields)
 

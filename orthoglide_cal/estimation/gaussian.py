@@ -153,12 +153,12 @@ class Mixture(ReadOnly):
         return Mixture(means, prior - known @ shared, weight - log_sum(weight, 0))
 
     def part(self, some: slice, values: slice) -> Mixture:
-        """Some of the explanations and of the values."""
+        """Choose some of the explanations and of the values."""
         covariance = self.covariance[some, values, values]
         return Mixture(self.means[some, values], covariance, self.log_weight[some])
 
     def log_odds(self, judged: Mixture) -> tuple[Floats, Floats]:
-        """By how much values raise the log odds of the true explanation (first axis) over a rival.
+        """Gain of the log odds of the true explanation (first axis) over a rival by values.
 
         Values as this mixture predicts them, weighed by the densities of `judged`, of the same
         explanations, both from one data set: mean and standard deviation, each (t, t).

@@ -1,4 +1,4 @@
-"""From what was measured to joint offsets: the problem, the methods that pose it, its solution.
+"""Lead from measured data to joint offsets: the problem, the methods that pose it, its solution.
 
     minimise |d − R·h(Δρ)|² over the joint offsets Δρ        (eq. 25)
 

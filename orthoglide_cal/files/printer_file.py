@@ -108,7 +108,7 @@ class PrinterFile(ReadOnly):
     steps: str = ""  # that a calibration was reckoned from, as stored
 
     def on_bed(self, radius: float) -> Self:
-        """With a radius of the bed [mm] where its file does not state it."""
+        """The machine with a radius of the bed [mm] where its file does not state it."""
         stated = not math.isnan(self.machine.bed_radius_mm)
         return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 

@@ -1,4 +1,4 @@
-"""From what was measured to a verdict on the model, and to a model extended by a cause.
+"""Lead from what was measured to a verdict on the model, and to a model extended by a cause.
 
 A diagnosis is the decision about one data set with what follows from it: parameters and their
 uncertainty, causes and patterns with size and gain, and what later readings say of them.
@@ -360,7 +360,7 @@ class Diagnosis(Decision):
 
     @cached_property
     def explanations(self) -> tuple[Explanation, ...]:
-        """Those not dismissed, best first; those that are left open with their parameters."""
+        """States that are not dismissed, best first; those left open with their parameters."""
         fits = {fit.hypothesis.ids: fit for _, fit in self.left_open if not fit.patterns}
         least = DISMISSED * max(self.probability.values())
         # What is open is compared with the parameters alone, however improbable.
@@ -524,7 +524,7 @@ class Diagnosis(Decision):
 
     @property
     def acting(self) -> tuple[FoundPattern, ...]:
-        """Those of the likeliest explanation."""
+        """Patterns of the likeliest explanation."""
         return tuple(pattern for pattern in self.patterns if pattern.accepted)
 
     def _beside_patterns(self) -> Iterator[tuple[Cause, Place]]:

@@ -133,7 +133,7 @@ class Places(ReadOnly):
         return len(self.patterns)
 
     def products(self, columns: Floats) -> Floats:
-        """With columns (..., k, c), shape (..., c, P)."""
+        """Products with columns (..., k, c), shape (..., c, P)."""
         return self.patterns.products(self.reduction.T @ columns).swapaxes(-1, -2)
 
     @cached_property
@@ -146,7 +146,7 @@ class Places(ReadOnly):
         return read_only(self.patterns.squares(precision) - (taken**2).sum(axis=1))
 
     def columns(self, chosen: slice | Sequence[int]) -> Floats:
-        """Some of them, written out, shape (k, q)."""
+        """Write out some of them, shape (k, q)."""
         return self.reduction @ self.patterns.columns(chosen)
 
 

@@ -62,7 +62,7 @@ class Columns:
     parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
 
     def written(self, shapes: Sequence[int] | Ints, chosen: Bools | np.bool_) -> Floats:
-        """Some columns (q,) of some shapes, written out, (n, v, c)."""
+        """Write out some columns (q,) of some shapes, (n, v, c)."""
         places = zip(*np.divmod(np.flatnonzero(chosen), self.parts[0].shape[2]), strict=True)
         columns = np.zeros((self.movers.shape[1], len(shapes), np.count_nonzero(chosen)))
         for number, (mover, part) in enumerate(places):

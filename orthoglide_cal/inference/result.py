@@ -168,7 +168,7 @@ class FoundCause(Schema):
 
 
 class FoundPattern(Schema):
-    """Something in the readings that no listed cause makes: how they deviate, and where."""
+    """Pattern in the readings that no listed cause makes: how they deviate, and where."""
 
     how: Literal["repeats", "drifts", "settles", "steps", "scatters", "hysteresis", "temperature"]
     where: Where = Field(description="leg, direction, posture, region of a bed, as they apply")

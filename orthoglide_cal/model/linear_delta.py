@@ -453,7 +453,7 @@ class LinearDelta(Machine):
         return float(np.ptp(np.round(self.arm_length_mm, self.decimals))) == 0.0
 
     def having(self, arms: Floats, radius: float, angles: Floats, endstops: Floats) -> Self:
-        """With these settings in force [mm, deg]; arrays are of shape (3,)."""
+        """The machine with these settings in force [mm, deg]; arrays are of shape (3,)."""
         return self.changed(
             arm_length_mm=tuple(arms.tolist()),
             delta_radius_mm=radius,
@@ -490,8 +490,7 @@ class LinearDelta(Machine):
         return tuple(word for word, name in named if getattr(self, name) != getattr(after, name))
 
     def believed(self, other: "LinearDelta", place: Floats) -> Floats:
-        """Where this controller believes a nozzle to be that `other`, of another date, believes
-        at `place`, both (n, 3) [mm]."""
+        """Place here of what is `place` to the controller `other` of another date, (n, 3) [mm]."""
         ends, others = self.endstop_carriages_mm, other.endstop_carriages_mm
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
@@ -581,7 +580,7 @@ class LinearDelta(Machine):
         return Readings(touched, value, lines, timed=True, source=source)
 
     def adjusting_cells(self, leg: int, plan: ProbePlan) -> list[PlannedTouch]:
-        """Some of the places that were touched before."""
+        """Choose some of the places that were touched before."""
         touched = np.unique(plan.place[plan.touches, :2].round(DECIMALS) + 0.0, axis=0)
         return [PlannedTouch(x, y) for x, y in touched[_spread(touched, SHOWING)].tolist()]
 
@@ -627,7 +626,7 @@ class LinearDelta(Machine):
 
 
 def _spread(place: Floats, count: int) -> Ints:
-    """Some places that are as far from each other as can be, indices (count,) of (n, 2)."""
+    """Choose places that are as far from each other as can be, indices (count,) of (n, 2)."""
     chosen = [int(np.argmin(np.linalg.norm(place, axis=1)))]
     apart = np.full(len(place), np.inf)
     while len(chosen) < min(count, len(place)):

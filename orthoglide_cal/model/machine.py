@@ -479,7 +479,7 @@ class Machine(Schema):
 
     @abstractmethod
     def holding(self, active: Sequence[float]) -> Self:
-        """With other values `active`; raises UsageError unless its file `keeps_entered`."""
+        """Hold other values `active`; raises UsageError unless its file `keeps_entered`."""
 
     @property
     @abstractmethod

@@ -294,7 +294,7 @@ class Patterns(ReadOnly):
         return np.asarray(single.products(weight2)[:, 0])
 
     def columns(self, chosen: slice | Sequence[int]) -> Floats:
-        """Some of the columns, in ascending order, written out, shape (n, q)."""
+        """Return some of the columns, in ascending order, written out, shape (n, q)."""
         numbers, before = np.arange(len(self))[chosen], len(self.reading)
         single = numbers[numbers < before]
         reading, onward = self.reading[single], self.onward[single]

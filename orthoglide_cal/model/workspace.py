@@ -53,7 +53,7 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
 # A plan asks for it once for each of its sessions.
 @functools.lru_cache(maxsize=4)
 def _corrected(model: Model) -> tuple[Floats, Floats]:
-    """With all offsets entered: how far the tool is off (n,) [mm], and JᵀJ of the tool, (n, 9)."""
+    """Error of the tool with all offsets entered, (n,) [mm], and JᵀJ of the tool, (n, 9)."""
     points, indicated = _grid(model, SAMPLES)
     reached = Points.of(model.real.geometry, _standing(model, indicated, np.zeros(3)), strict=True)
     jacobian = Points.batch_first(reached.tool_derivative, 2)
@@ -66,7 +66,7 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
 
 
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
-    """How far the tool is off once the offsets are entered, over the cube, each (n,) [mm]: by the
+    """Error of the tool once the offsets are entered, over the cube, each (n,) [mm]: by the
     causes alone, and with k·u; arguments and errors as of `workspace_error`."""
     left, square = _corrected(model)
     return left, left + k * np.sqrt(square @ covariance.reshape(-1))

@@ -103,7 +103,7 @@ def _walks(machine: Machine, gauge_at: float) -> tuple[tuple[Reason, tuple[float
 
 
 def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
-    """With the stands where they are, on the leg that was read last, if they are fixed in space."""
+    """Sessions on the leg that was read last, if the stands are still there, fixed in space."""
     standing = first.in_time[first.standing[first.in_time]]
     # Of each direction that is read there, its last reading.
     rows = [*dict(zip(first.direction[standing].tolist(), standing.tolist(), strict=True)).values()]
@@ -156,7 +156,7 @@ def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
 
 
 def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
-    """With the stands set up again, labels and + sides of the gauges checked."""
+    """Sessions with the stands set up again, labels and + sides of the gauges checked."""
 
     def option(
         task: Reason,

@@ -49,7 +49,7 @@ class MachineName(Schema):
 
 
 class Remedy(Schema):
-    """Something to do about the result, or instead of entering it.
+    """Step to take about the result, or instead of entering it.
 
     A command about the same file follows the sentence, of `verb` and `options`; "measure" with
     options of its own begins a session.
@@ -65,7 +65,7 @@ class Remedy(Schema):
 
 
 class Release(Schema):
-    """May the parameters be entered in the controller?"""
+    """Decision whether the parameters may be entered in the controller."""
 
     reasons: tuple[Sentence, ...] = Field((), description="why not; empty if they may be")
     cautions: tuple[Sentence, ...] = Field((), description="what to know although they may be")

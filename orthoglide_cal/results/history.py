@@ -1,4 +1,4 @@
-"""Did the machine change? Sessions of one machine, compared.
+"""Compare sessions of one machine: did it change?
 
 Each session is diagnosed by itself; what it says of the parameters, active + found, and of the
 lasting causes that any session shows is given to the hypotheses about several dates.
@@ -353,7 +353,7 @@ def compare(
     notes += _put_right(sessions, adjusted, [name for name, _ in named])
 
     def sized(values: Floats, covariance: Floats, chosen: Sequence[int] = ()) -> Sizes:
-        """Some of the parameters, or all: values (q,), covariance (q, q)."""
+        """Return some of the parameters, or all: values (q,), covariance (q, q)."""
         names = [named[k] for k in chosen] or named
         rows = zip(names, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
         return tuple(Estimate(name=id, unit=unit, value=v, std=u) for (id, unit), v, u in rows)

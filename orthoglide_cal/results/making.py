@@ -1,4 +1,4 @@
-"""From one input to its answer: solved, diagnosed, judged once, whoever asks.
+"""Lead from one input to its answer: solved, diagnosed, judged once, whoever asks.
 
 The parameters are those under the verdict:
 
@@ -481,7 +481,7 @@ def _unexplained(diagnosis: Diagnosis) -> Release:
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
-    """Not released; what is wrong in any case comes first, then what decides."""
+    """Release it only if nothing open moves it; what is wrong in any case comes first."""
     ids = [cause.id for cause in diagnosis.causes]
     sound = any(e.sound and e.probability >= WORTH_SAYING for e in diagnosis.explanations)
     answers = tuple(fit.hypothesis.ids for _, fit in diagnosis.left_open)

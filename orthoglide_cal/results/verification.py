@@ -1,4 +1,4 @@
-"""Did the correction work as predicted? Two measurements and what was entered between them.
+"""Compare two measurements by what was entered between them: did it work as predicted?
 
 The change c of the differences that both hold is regressed on what the model predicts,
 
@@ -92,7 +92,7 @@ class AxisResponse(Schema):
 
 
 class OtherChange(Schema):
-    """Did anything change that no joint offset explains?"""
+    """Change that no joint offset explains."""
 
     rms_mm: float  # unexplained change of a difference, per degree of freedom
     noise_mm: float  # what the gauge's noise alone gives for it
