@@ -108,7 +108,8 @@ def _to_do(
     usable = begun is not None and begun.answer.release.usable
     if begun and (usable or plan.next):
         if usable:
-            yield doc.step("See what to enter", begun.typed("solve"))
+            see = "what to enter" if begun.answer.release.needed else "the numbers"
+            yield doc.step(f"See {see}", begun.typed("solve"))
         for best in plan.next[:1]:
             reduce = "Or, to reduce U: " * usable
             yield doc.step(f"{reduce}{sentence(best.what)}", begun.further(best.session))
