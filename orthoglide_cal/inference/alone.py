@@ -42,8 +42,8 @@ def solve(measured: Measured, model: Model, method: str | None = None) -> Soluti
     known = model
     if here := fitted_here(measured, model):
         # What was fitted to these readings is no unknown of a fit to them.
-        own = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
-        known = replace(model, accepted=tuple(own))
+        exact = (replace(e, covariance=None) if e.cause.id in here else e for e in model.accepted)
+        known = replace(model, accepted=tuple(exact))
     with weighing(model.machine):
         nothing = Hypothesis(Linearised.of(Whitened.of(measured, known), NOTHING), 0.0)
         return solution_of(fit_hypothesis(nothing), measured, model)

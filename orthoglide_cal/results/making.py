@@ -271,8 +271,8 @@ def as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Solu
     taken = [source for source in solution.budget.contributions if source.source in held]
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
     offsets, budget = diagnosis.offsets_mm, diagnosis.budget
-    found = replace(solution, model=model, offsets_mm=offsets, budget=budget, noise=noise)
-    return widened(given, found, taken)
+    judged = replace(solution, model=model, offsets_mm=offsets, budget=budget, noise=noise)
+    return widened(given, judged, taken)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:

@@ -367,10 +367,10 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
 def _solved(given: Input) -> tuple[Solution, Measured, ComparedInput]:
     """The parameters alone, data without passing faults, and the parameters under the verdict."""
     diagnosis = diagnose(given.measured, given.model)
-    alone = found = widened(given, diagnosis.alone, diagnosis.adds_to(diagnosis.alone))
+    alone = judged = widened(given, diagnosis.alone, diagnosis.adds_to(diagnosis.alone))
     if diagnosis.verdict is not Verdict.CONSISTENT:
-        found = as_diagnosed(given, diagnosis.alone, diagnosis)
-    side = ComparedInput.of(given, validity=validity(given), parameters=parameters_of(found))
+        judged = as_diagnosed(given, diagnosis.alone, diagnosis)
+    side = ComparedInput.of(given, validity=validity(given), parameters=parameters_of(judged))
     return alone, diagnosis.put_right, side
 
 
