@@ -106,7 +106,7 @@ def answer_to(
     verdict, alone = diagnosis.verdict, widened(given, solution, diagnosis.adds_to(solution))
     # What may be there unseen may leave less known than the readings alone do.
     consistent = verdict is Verdict.CONSISTENT
-    decision = release(alone if consistent else solution, diagnosis, following, corrects)
+    decision = release(alone, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
     if kept and not consistent:
         retake = Remedy.of("retake", "measure", RETAKE, kept=kept)

@@ -426,13 +426,11 @@ def _parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
 
 
 def _open_blocks(case: Case) -> Iterator[str]:
-    """Parameters that these readings do not determine, and sizes taken as stated."""
+    """Sizes that are taken as stated; the table has the parameters."""
     names = {parameter.name for parameter in case.answer.parameters}
-    for unknown in case.answer.undetermined:
-        stated = unknown.name not in names
-        size = f"{unknown.within:.3g}" if stated else two_figures(unknown.within)
-        how = f"{'taken as stated to within' if stated else 'U ='} {size}"
-        yield f"Not determined: {unknown.name}, {how} {unit_words(unknown.unit)}."
+    for unknown in (one for one in case.answer.undetermined if one.name not in names):
+        size = f"{unknown.within:.3g} {unit_words(unknown.unit)}"
+        yield f"Not determined: {unknown.name}, taken as stated to within {size}."
 
 
 def promised_figure(case: Case, limit_mm: float | None = None) -> doc.Figure | None:
