@@ -172,10 +172,9 @@ def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
 def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> float:
     """Upper bound of the chance that repeats of a gauge twice as good as stated differ no more.
 
-    n readings of noise σ, rounded to q, are all equal if one division holds all: with the mean of
-    the chance over the places between two divisions. Only then is S < q²/2, the sum of squares
-    about their mean. Rounding changes √S by at most √n·q/2, and S/σ² before it is χ² of ν degrees
-    of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). Twice the smaller of the two counts.
+    n readings of noise σ, rounded to q, are equal if one division holds all. Only then is S < q²/2,
+    the sum of squares about their mean. Rounding changes √S by at most √n·q/2, and S/σ² before it
+    is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). Twice the smaller counts.
 
     Args:
         squares: S of each cell, shape (c,) [mm²].
@@ -189,15 +188,18 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
     ratio = min((most / noise) ** 2 / dof, 1.0)
     less = 0.5 * dof * (math.log(ratio) + 1.0 - ratio)
     # Rounding far below the noise counts as a quarter of it: repeats are equal more often.
-    width = max(step / noise, 0.25)
-    place, between = np.linspace(-6.0 - width / 2.0, 6.0 + width / 2.0, 500, retstep=True)
-    held = ndtr(place + width / 2.0) - ndtr(place - width / 2.0)
-    sizes, number = np.unique(size, return_inverse=True)
-    chance = (held ** sizes[:, None]).sum(axis=1) * between / width
-    costs = np.sort(-np.log(np.maximum(chance, np.finfo(np.float64).tiny))[number])
+    costs = np.sort([_cost_of_equal(max(step / noise, 0.25), count) for count in size.tolist()])
     equal = np.count_nonzero(squares < 0.5 * step**2)
     some = math.log(math.comb(size.size, equal)) - costs[:equal].sum()
     return min(2.0 * math.exp(min(less, some)), 1.0)
+
+
+@lru_cache(maxsize=256)
+def _cost_of_equal(width: float, count: int) -> float:
+    """−ln of the chance that one division, so many σ wide, holds so many readings."""
+    place, between = np.linspace(-6.0 - width / 2.0, 6.0 + width / 2.0, 500, retstep=True)
+    held = ndtr(place + width / 2.0) - ndtr(place - width / 2.0)
+    return -math.log(max(float((held**count).sum()) * between / width, 1e-300))
 
 
 def off_scale(value: Floats, step: float, allowed: float = OFF_SCALE) -> np.ndarray:
