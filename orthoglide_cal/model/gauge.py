@@ -174,7 +174,7 @@ def chance_of_less_scatter(squares: Floats, size: Ints, gauge: Instrument) -> fl
 
     n readings of noise σ, rounded to q, are equal if one division holds all. Only then is S < q²/2,
     the sum of squares about their mean. Rounding changes √S by at most √n·q/2, and S/σ² before it
-    is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). Twice the smaller counts.
+    is χ² of ν degrees of freedom, where P(χ² ≤ a ν) ≤ (a e¹⁻ᵃ)^(ν/2). It is twice the smaller.
 
     Args:
         squares: S of each cell, shape (c,) [mm²].
