@@ -29,7 +29,7 @@ _INCH_STEP, _OFF_INCHES = 1e-5 * MM_PER_INCH, 0.01
 _MEANS_OF = (*range(1, 11), 12, 20, 30)
 _TOO_MUCH = 2.0  # times the stated noise: readings that scatter more are in no such unit
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
-_RESERVE = 2.0  # a maker states a repeatability that so much better gauges have
+_RESERVE = 2.0  # so many times better than their maker states gauges may repeat
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
 # Dial indicators repeat within five divisions; the coarsest have tenths, the longest 100 mm.
