@@ -38,8 +38,7 @@ class Belief:
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
     # Those with patterns beyond the list, by their labels.
     patterned: Mapping[str, Hypothesis] = field(default_factory=dict)
-    # Those of listed causes that were fitted, with the evidence of their fits.
-    fits: Mapping[Ids, Hypothesis] = field(default_factory=dict)
+    fits: Mapping[Ids, Hypothesis] = field(default_factory=dict)  # with the evidence of their fits
     # Fits of them and of others, made when asked for; the last is the one asked for last.
     _kept: dict[Ids, Fit] = field(default_factory=dict)
     # Every pattern at every where, looked at closely or not; no tolerance changes them.

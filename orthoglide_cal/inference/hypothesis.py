@@ -173,8 +173,7 @@ class Hypothesis:
     # On equal terms with the causes: where one wins, the data hold something real that no listed
     # cause explains, and its size goes into the uncertainty.
     patterns: tuple[Pattern, ...] = ()
-    # ln p of the data in mm at its fit; None before it is fitted, and of data in another unit.
-    log_likelihood: float | None = None
+    log_likelihood: float | None = None  # at its fit, of data in mm
 
     @property
     def ids(self) -> Ids:
