@@ -509,16 +509,13 @@ def readings_in(
     _time(rows, started)
     _check_order(rows)
     _check_parts(rows)
-    checked = rows.checked()
-    readings = readings_of(checked, machine, rows.source, rows.lines)
+    readings = readings_of(rows.checked(), machine, rows.source, rows.lines)
     remarks, travel = [*remarks, *rows.remarks], machine.instrument.most_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel).tolist()
     if beyond:
         counts = {"count": len(beyond), "readings": len(readings)}
         first = {"line": rows.lines[beyond[0]], "value_mm": float(readings.value[beyond[0]])}
         remarks.append(Reason.of("beyond_range", **counts, range_mm=travel, **first))
-    if unread := sorted({*AXES} - {row.leg for row in checked}):
-        remarks.append(Reason.of("legs_unread", legs=unread))
     if not readings.timed:
         remarks.append(Reason.of("untimed", minutes=_MINUTES_PER_READING))
     return replace(readings, remarks=tuple(remarks))

@@ -38,7 +38,8 @@ class Belief:
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
     # Those with patterns beyond the list, by their labels.
     patterned: Mapping[str, Hypothesis] = field(default_factory=dict)
-    fits: Mapping[Ids, Hypothesis] = field(default_factory=dict)  # with the evidence of their fits
+    # Those of listed causes that were fitted, with the evidence of their fits.
+    fits: Mapping[Ids, Hypothesis] = field(default_factory=dict)
     # Fits of them and of others, made when asked for; the last is the one asked for last.
     _kept: dict[Ids, Fit] = field(default_factory=dict)
     # Every pattern at every where, looked at closely or not; no tolerance changes them.

@@ -173,7 +173,8 @@ class Hypothesis:
     # On equal terms with the causes: where one wins, the data hold something real that no listed
     # cause explains, and its size goes into the uncertainty.
     patterns: tuple[Pattern, ...] = ()
-    log_likelihood: float | None = None  # at its fit, of data in mm
+    # ln p of the data in mm at its fit; None before it is fitted, and of data in another unit.
+    log_likelihood: float | None = None
 
     @property
     def ids(self) -> Ids:

@@ -151,7 +151,7 @@ class Differences(ReadOnly):
 
 Measured = Readings | Differences
 # Codes of remarks that are cautions, and no notes.
-CAUTIONS = ("stale_mesh", "unused_data", "beyond_range", "dropped", "legs_unread")
+CAUTIONS = ("stale_mesh", "unused_data", "beyond_range", "dropped")
 # Those on where entering the result lets the nozzle go.
 NOZZLE = ("nozzle_raised", "nozzle_lowered")
 

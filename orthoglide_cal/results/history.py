@@ -337,6 +337,7 @@ def compare(
         session.conclude(None if known else later)
     pairs = [*zip(sessions, standing := _standing(sessions), strict=True)]
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
+    # In usual sizes of the causes, by the likeliest explanation of each session.
     shares = ((session, session.by_lasting[ids]) for session, ids in pairs if ids)
     likeliest = (s.belief.hypotheses[max(p, key=p.__getitem__)] for s, p in shares)
     scale = max((one.scale for one in likeliest), default=1.0)

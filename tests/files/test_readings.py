@@ -41,8 +41,7 @@ def test_the_required_columns_are_enough(tmp_path):
     assert not read.timed
     np.testing.assert_allclose(read.plan.hours * 60, [0.0, 0.4, 0.8])
     assert sentences(read.remarks) == [
-        "Not read: leg y. What is wrong there does not show.",
-        "Times were not given, or are all the same; 0.4 minutes per reading were assumed.",
+        "Times were not given, or are all the same; 0.4 minutes per reading were assumed."
     ]
 
 
@@ -111,8 +110,7 @@ REMARKS = [
 
 @pytest.mark.parametrize(("text", "words"), REMARKS)
 def test_remarks(tmp_path, text, words):
-    rest = [r for r in sentences(readings(tmp_path, text).remarks) if words not in r]
-    assert rest == ["Not read: leg y and z. What is wrong there does not show."]
+    assert [words in remark for remark in sentences(readings(tmp_path, text).remarks)] == [True]
 
 
 @pytest.mark.parametrize(
