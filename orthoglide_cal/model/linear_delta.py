@@ -490,7 +490,7 @@ class LinearDelta(Machine):
         return tuple(word for word, name in named if getattr(self, name) != getattr(after, name))
 
     def believed(self, other: "LinearDelta", place: Floats) -> Floats:
-        """Place here of what is `place` to the controller `other` of another date, (n, 3) [mm]."""
+        """Place by this controller of what is `place` by `other`, of another date, (n, 3) [mm]."""
         ends, others = self.endstop_carriages_mm, other.endstop_carriages_mm
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))

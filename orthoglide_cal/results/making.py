@@ -105,14 +105,12 @@ def answer_to(
         following = best_next(diagnosis)
     verdict, alone = diagnosis.verdict, widened(given, solution, diagnosis.adds_to(solution))
     # What may be there unseen may leave less known than the readings alone do.
-    consistent = verdict is Verdict.CONSISTENT
     decision = release(alone, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
-    if kept and not consistent:
+    if kept and verdict is not Verdict.CONSISTENT:
         retake = Remedy.of("retake", "measure", RETAKE, kept=kept)
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    unsure = consistent or "undetermined" in decision.codes
-    judged = alone if unsure else as_diagnosed(given, solution, diagnosis)
+    judged = as_judged(given, solution, alone, diagnosis)
     chosen, named = alone if method else judged, verdict is Verdict.NAMED
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real, shown_alone = judged if named else chosen, chosen is alone
@@ -262,8 +260,11 @@ def widened(given: Input, known: Solution, more: Iterable[Contribution] = ()) ->
     return replace(known, budget=known.budget.extended([*more, *warm]))
 
 
-def as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Solution:
-    """The parameters under what the diagnosis found."""
+def as_judged(given: Input, solution: Solution, alone: Solution, diagnosis: Diagnosis) -> Solution:
+    """The parameters under the verdict; those `alone`, widened, where readings leave any open."""
+    known = all(given.model.machine.determined(alone.budget.expanded_mm))
+    if diagnosis.verdict is Verdict.CONSISTENT or not known:
+        return alone
     model = given.model
     if diagnosis.verdict is Verdict.NAMED:
         model = model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)

@@ -39,7 +39,7 @@ from orthoglide_cal.estimation.solution import (
 from orthoglide_cal.files.input import Input, InputFile, require_distinct, require_order
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference.diagnose import diagnose
-from orthoglide_cal.inference.result import Parameter, Verdict
+from orthoglide_cal.inference.result import Parameter
 from orthoglide_cal.inference.sessions import Behaviour, decide_response
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Measured
@@ -48,13 +48,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import STEP_K, Validity
-from orthoglide_cal.results.making import (
-    as_diagnosed,
-    parameters_of,
-    remainder,
-    validity,
-    widened,
-)
+from orthoglide_cal.results.making import as_judged, parameters_of, remainder, validity, widened
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 FINEST = 6  # decimals of offsets in mm: no controller takes finer ones
@@ -367,9 +361,8 @@ def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
 def _solved(given: Input) -> tuple[Solution, Measured, ComparedInput]:
     """The parameters alone, data without passing faults, and the parameters under the verdict."""
     diagnosis = diagnose(given.measured, given.model)
-    alone = judged = widened(given, diagnosis.alone, diagnosis.adds_to(diagnosis.alone))
-    if diagnosis.verdict is not Verdict.CONSISTENT:
-        judged = as_diagnosed(given, diagnosis.alone, diagnosis)
+    alone = widened(given, diagnosis.alone, diagnosis.adds_to(diagnosis.alone))
+    judged = as_judged(given, diagnosis.alone, alone, diagnosis)
     side = ComparedInput.of(given, validity=validity(given), parameters=parameters_of(judged))
     return alone, diagnosis.put_right, side
 

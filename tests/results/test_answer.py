@@ -152,7 +152,7 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
 
 
 def as_diagnosed(case: Case, diagnosis: Diagnosis) -> Solution:
-    return making.as_diagnosed(case.given, diagnosis.alone, diagnosis)
+    return making.as_judged(case.given, diagnosis.alone, diagnosis.alone, diagnosis)
 
 
 def test_the_promise_takes_what_was_found_into_account() -> None:

@@ -481,7 +481,8 @@ def _residual_words(case: Case) -> str | None:
         return f"As in the paper (six equations): {values}, {rms} mm r.m.s."
     readings = "readings" if answer.input.kind == DataKind.READINGS else "differences"
     left = f"{plain(answer.rms.after_mm, 4)} after"
-    acting = answer.named or [f"the {pattern_name(one)}" for one in answer.beyond[:1]]
+    shown = (one for one in answer.beyond[:1] if one.rms_after_mm == answer.rms.after_mm)
+    acting = answer.named or [f"the {pattern_name(one)}" for one in shown]
     if acting and answer.lack_of_fit:  # what stays when the parameters are entered
         only = f"{plain(answer.lack_of_fit.left_mm, 4)} with {case.words.many} only"
         left = f"{only}, {plain(answer.rms.after_mm, 4)} with {' and '.join(acting)}"
