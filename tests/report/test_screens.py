@@ -29,7 +29,7 @@ from tests.inference.sessions import given
 from tests.inference.test_printers import quartic
 from tests.machines import NOMINAL, SAMPLES
 from tests.report.test_terminal import shown, unwrapped
-from tests.results.cases import as_left, named_in_machine, named_in_measurement
+from tests.results.cases import as_left, named_in_machine, named_in_measurement, unexplained
 from tests.results.sessions import TRUE, session, write
 from tests.truth import delta
 
@@ -156,6 +156,8 @@ def test_residuals_of_a_named_cause_are_not_those_after_entering() -> None:
     before, alone, left = (f"{mm:.4f}" for mm in sizes)
     said = " ".join(" ".join(screen(solution_document(named_in_machine()), 20)).split())
     assert f"{before} mm r.m.s. before, {alone} with offsets only, {left} with axis_gap." in said
+    asked = Case(unexplained().given, answer_to(unexplained().given, "six"))
+    assert "offsets only" not in " ".join(screen(solution_document(asked), 30))
 
 
 def test_what_a_named_cause_asks_for() -> None:
