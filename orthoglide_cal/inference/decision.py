@@ -171,9 +171,9 @@ class Decision(Belief):
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
-        listed, answer = self.listed, self.answers[ids]
-        least = DISMISSED * listed[ids]
-        return tuple(other for other in answer if other != ids and listed[other] >= least)
+        least, remedy = DISMISSED * self.listed[ids], self.hypotheses[ids].remedy
+        near = (other for other, p in self.listed.items() if p >= least and other != ids)
+        return tuple(other for other in near if self.hypotheses[other].remedy == remedy)
 
     def is_open(self, ids: Ids) -> bool:
         """Return whether a set of causes is too probable to be dismissed for the best answer."""
