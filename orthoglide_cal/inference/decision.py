@@ -15,7 +15,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import probabilities
-from orthoglide_cal.estimation.solution import chance_of_residual, suspicious
+from orthoglide_cal.estimation.solution import chance_of_residual, fitted_here, suspicious
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import MISFIT, Fit
@@ -332,7 +332,8 @@ class Decision(Belief):
     def chance(self, fit: Fit) -> float:
         """Chance that noise as stated leaves more than a fit of the parameters alone does."""
         white = self.white
-        noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
+        here = sum(fitted_here(self.measured, self.model).values())
+        noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size - here
         return chance_of_residual(fit.square, dof, noise)
 
     @cached_property

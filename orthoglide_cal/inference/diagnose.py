@@ -595,10 +595,11 @@ class Diagnosis(Decision):
         alone, gauge = self.alone, self.model.machine.instrument
         size = alone.scatter.sigma_mm if alone.scatter else 0.0
         dof, p_value = alone.dof, alone.lack_of_fit_p
-        if self.white.texture is not None:
-            as_stated = self.verdict is Verdict.UNEXPLAINED
-            fit = self.alone_with(1.0 if as_stated else self.fit.scale_factor)
-            dof, p_value = len(self.white) - alone.offsets_mm.size, self.chance(fit)
+        # A bed's local shape as the causes leave it, or as stated.
+        as_stated = self.white.texture is not None and self.verdict is Verdict.UNEXPLAINED
+        fit = self.alone_with(1.0 if as_stated else self.fit.scale_factor)
+        if fit is not self.fit_of(()):
+            p_value = self.chance(fit)
             size = math.sqrt(fit.square / dof) if dof else 0.0
         repeats, chance, measured = None, None, self.measured
         if isinstance(measured, Readings):

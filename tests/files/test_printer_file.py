@@ -14,7 +14,7 @@ from orthoglide_cal.estimation.arms import free_arms
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.klipper import read_printer_file
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.inference.alone import solve
+from orthoglide_cal.inference.diagnose import diagnose
 from tests.printer_files import OFF, STEP, printer_cfg
 from tests.sentences import sentences
 from tests.truth.delta import V400, Delta, Floats
@@ -207,11 +207,11 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
     text = printer_cfg(V400, truth, noise=noise, sections="c", many=True)
     given = free_arms(read_input(saved(tmp_path, text, "printer.cfg")))
     (arms,) = given.model.accepted
-    solution = solve(given.measured, given.model)
-    expected = klipper_fit(V400, text)
+    found, expected = diagnose(given.measured, given.model), klipper_fit(V400, text)
+    assert found.lack_of_fit.dof == found.alone.dof == len(given.measured) - 6 - 3
     assert arms.theta == pytest.approx(expected[6:] - V400.arms, abs=1e-3)
-    apart = np.array(given.model.machine.active) + solution.offsets_mm - expected[:6]
-    assert np.all(np.abs(apart) < (solution.budget.expanded_mm / 5.0 if noise else 1e-3))
+    apart = np.array(given.model.machine.active) + found.alone.offsets_mm - expected[:6]
+    assert np.all(np.abs(apart) < (found.alone.budget.expanded_mm / 5.0 if noise else 1e-3))
     assert np.abs(expected[6:] - V400.arms).max() > 0.5
     # Three distances would fit any arms.
     few = saved(tmp_path, printer_cfg(V400, truth, sections="c"), "few.cfg")
