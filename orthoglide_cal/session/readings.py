@@ -35,7 +35,7 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.inference.alone import solve
-from orthoglide_cal.losses import DISMISSED, MISSED_FAULT, NEEDLESS_HOLD, SESSIONS_A_QUESTION
+from orthoglide_cal.losses import MISSED_FAULT, NEEDLESS_HOLD, SESSIONS_A_QUESTION
 from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
@@ -534,7 +534,7 @@ def _explanations(readings: ReadingsSoFar, prediction: Mixture) -> Iterator[tupl
     for doubt, words, undone in right:
         fits = readings.prediction(past, exchanged=True) if doubt is Doubt.EXCHANGED else prediction
         chance = fits.tail(np.array([[undone]])).item()
-        if chance >= DISMISSED and LIMIT * fits.std.item() <= abs(away):
+        if chance >= RARE and LIMIT * fits.std.item() <= abs(away):
             yield chance, Question(doubt, words)
 
 

@@ -279,7 +279,7 @@ def _named(case: Case) -> str:
     titles = [cause_title(case.machine, c) for c in (first, *others) if c is not shape]
     # Causes that look the same, such as a stand that was knocked before the last reading.
     singles = ((e.ids[0], e.probability) for e in case.answer.explanations if len(e.ids) == 1)
-    alike = [(id, p) for id, p in singles if id in first.aliases and 2.0 * p > first.probability]
+    alike = [(id, p) for id, p in singles if id in first.aliases]
     alike = [(first.id, first.probability), *alike]
     code = "shape_left" if shape else "causes_named" if others else "cause_named"
     ids = [cause.id for cause in case.answer.causes]
