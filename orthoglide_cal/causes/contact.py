@@ -214,7 +214,7 @@ class ProbeDrift(Cause):
         self, readings: Numbers, effect: Effect, plan: ProbePlan, machine: Machine, where: Numbers
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
-        return readings + plan.touches * effect.theta * plan.hours
+        return readings + plan.touches * effect.theta * plan.elapsed
 
 
 CAUSES = (

@@ -68,7 +68,7 @@ class Backlash(Cause):
 
 
 class ThermalDrift(Cause):
-    """Rate of each actuator zero; the offsets are those at the start of the session."""
+    """Rate of each actuator zero; the offsets are those at the first reading."""
 
     id = "thermal_drift"
     unit = "mm/h"

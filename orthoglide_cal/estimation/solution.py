@@ -257,15 +257,12 @@ class Problem(ReadOnly):
 def simulate_at(
     model: Model, offsets: Floats, plan: Plan, strict: bool = True
 ) -> tuple[Floats, Floats]:
-    """`differentiate` at one point (3,), kept for other weights and other sessions.
-
-    Linear within a nanometre of where it is kept: what is of second order in that is rounding.
-    """
-    same, near = plan.steps if model.repeats else plan, offsets.round(6)
-    readings, jacobian = _simulate_at(model, tuple(near.tolist()), same)
+    """`differentiate` at one point (3,), kept for other weights and other sessions."""
+    same = plan.steps if model.repeats else plan
+    readings, jacobian = _simulate_at(model, tuple(offsets.tolist()), same)
     if strict and not np.isfinite(readings).all():
         simulate(model, offsets, plan)  # raises an error that says where
-    return readings + jacobian @ (offsets - near), jacobian
+    return readings, jacobian
 
 
 @functools.lru_cache(maxsize=8)

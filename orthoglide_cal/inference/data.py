@@ -399,7 +399,7 @@ class Linearised(ReadOnly):
         uncertain = list(white.uncertain(offsets))
         if white.raw:
             offsets = white.optimum(uncertain, offsets)
-            left = white.data - white.problem.predict_with_jacobian(offsets)[0]
+            left = white.data - white.problem.predict(offsets)
         _, slopes = differentiate_absent(white.problem.model, offsets, white.plan, broad)
         columns, ends = white.matrix @ np.hstack(slopes), np.cumsum([s.shape[1] for s in slopes])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)

@@ -43,7 +43,8 @@ FAR_BELOW = 0.03
 # No further fit is sought while the odds of all faults together against none stay below this
 # share of the odds that establish a fault.
 SURELY = 0.5
-# A cause less probable than this relative to nothing wrong is not fitted: it moves no digit of U.
+# Limit of effort: causes less probable than this relative to nothing wrong are not fitted. All of
+# them together would add a few hundredths to U.
 WEIGHS = 0.01
 
 

@@ -65,7 +65,7 @@ from orthoglide_cal.schema import Reason
 
 # Tolerances with which it is asked whether the answer depends on them, by what was done to them.
 SCALED = {"halved": 0.5, "doubled": 2.0}
-# A place less probable than this is not looked at, no more than so many.
+# Limits of effort: no place less probable than this is looked at, no more than so many.
 PLACE_COUNTS, PLACES = 0.002, 6
 # A cause that many times its plausible size is beyond it; for the search for one of any size.
 BEYOND, ANY_SIZE = 3.0, 1e3
@@ -181,7 +181,8 @@ class Diagnosis(Decision):
             # cannot average it out.
             white, fit = self.white, fits[0]
             left = float(fit.residual @ fit.residual) / max(len(white) - mean.size, 1)
-            cells = fit.estimator(fit.sigma) @ (white.matrix @ white.plan.returning)
+            cells = fit.estimator(fit.sigma) @ white.matrix
+            cells = cells @ white.plan.returning if white.plan.returning.size else cells
             covariance = covariance + left * cells @ cells.T
         return read_only(mean), read_only(covariance)
 
@@ -295,6 +296,7 @@ class Diagnosis(Decision):
                     heldout_after_mm=after.rms_mm,
                     heldout_ratio=after.ratio,
                     aliases=tuple(other for other in aliases if other not in ids),
+                    alike={one: self.listed[one] for one in (self.accepted, *same)},
                     times_stated=times if times > BEYOND else None,
                     remedy=Reason.of("advice", id=id, where=where),
                     recommended=taken and gains and sure,

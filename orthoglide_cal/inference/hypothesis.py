@@ -36,7 +36,7 @@ LOG_ALL, LOG_ONE = math.log(ALL), math.log(1.0 - ALL)
 LOST = 100.0
 # ln weight of what a listed cause makes: all but one in a hundred of such effects have that cause.
 LISTED = math.log(0.01)
-# No more shapes of a pattern count, and none below this share.
+# Limits of effort: no more shapes of a pattern count, and none below this share.
 SHAPES, SHARE = 12, 0.01
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
 # each costs a pass over the readings.

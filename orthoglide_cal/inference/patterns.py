@@ -643,8 +643,9 @@ def _gauges(
         return
     fit, columns = fits[0][1], shapes[0].columns
     effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
-    for gauge in dict.fromkeys(plan.shared[rows].tolist()):
-        read = np.flatnonzero(plan.shared == gauge)
+    in_time = plan.in_time
+    for gauge in dict.fromkeys(plan.shared[in_time[rows[in_time]]].tolist()):
+        read = in_time[plan.shared[in_time] == gauge]
         ends = read[effect[read].argmin()], read[effect[read].argmax()]
         first, last = sorted(ends, key=plan.order.__getitem__)
         apart = [(shape.columns[last] - shape.columns[first])[None] for shape in shapes]

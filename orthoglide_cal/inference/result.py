@@ -159,6 +159,8 @@ class FoundCause(Schema):
     heldout_after_mm: float = Field(description="and with it")
     heldout_ratio: float = Field(description="the latter by what is stated for it, r.m.s.")
     aliases: Ids = Field(description="what would look like it")
+    # Probability of each set of causes that asks the same of a technician, the accepted one first.
+    alike: dict[Ids, float] = Field(exclude=True)
     times_stated: float | None = Field(
         description="its largest value by its plausible size, where that is beyond three"
     )

@@ -71,7 +71,7 @@ class Command(ReadOnly):
 
     joints: Floats  # indicated joint positions ρ, shape (n, 3) [mm]
     home: float  # joint position from which travel counts [mm]
-    hours: Floats  # since the session began, shape (n,) [h]
+    hours: Floats  # since the first reading, shape (n,) [h]
     entered: Floats  # offsets entered in the controller since the first of them, (n, 3) [mm]
     approach: Floats  # sign of each carriage's last motion, (n, 3); 0 before its first
 

@@ -470,7 +470,7 @@ class LinearDelta(Machine):
         # A printed object was approached from all sides.
         touches = plan.in_time[~plan.distance[plan.in_time]]
         approach = Command.approach_of(rails.joints_for(level), touches)
-        hours, nothing = np.tile(plan.hours, ends), np.zeros(places.shape)
+        hours, nothing = np.tile(plan.elapsed, ends), np.zeros(places.shape)
         return Command(rails.joints_for(places), self.home_mm, hours, nothing, approach)
 
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:

@@ -159,11 +159,6 @@ class Cause:
         return self.stage in (Stage.GEOMETRY, Stage.MOTION)
 
     @property
-    def fix_order(self) -> tuple[bool, bool]:
-        """Sort key: the record is fixed first, then the contact, then the machine."""
-        return self.stage is not Stage.RECORD, self.in_machine
-
-    @property
     def repeats(self) -> bool:
         """True if readings that differ in nothing but set-up and time stay equal under it."""
         return self.lasting and not self.timed

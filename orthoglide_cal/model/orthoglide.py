@@ -384,7 +384,7 @@ class Orthoglide(Machine):
 def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
     joints = machine.joints_at(plan.leg, plan.displacement)
     approach = Command.approach_of(joints - plan.entered, plan.in_time)
-    return Command(joints, machine.home_mm, plan.hours, plan.entered, approach)
+    return Command(joints, machine.home_mm, plan.elapsed, plan.entered, approach)
 
 
 def _touched(

@@ -124,6 +124,11 @@ class Plan(ABC):
         steps: Self = known_plan(unhurried)
         return steps
 
+    @cached_property
+    def elapsed(self) -> Floats:
+        """Time since the first reading, (n,) [h]: the clock of a table may show the time of day."""
+        return read_only(self.hours - self.hours.min(initial=np.inf))
+
     @property
     def parts(self) -> int:
         """Number of parts, empty ones before the last included."""

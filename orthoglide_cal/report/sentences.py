@@ -155,9 +155,10 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "with": lambda ids: together([*map(label_words, chain(*(id.split(", ") for id in ids)))]),
     "too": lambda titles: "".join(f" and {title}" for title in titles),
     "far": lambda causes: " or ".join(f"{e.id} at {e.times:.0f} times its size" for e in causes),
-    # A cause, or those that look the same.
+    # A set of causes, or those that look the same.
     "alike": lambda rows: " or ".join(
-        f"{id}{',' * (len(rows) < 2)} {percent(share, 1)}" for id, share in rows
+        f"{' and '.join(ids)}{',' * (len(rows) < 2)} {percent(share, 1)}"
+        for ids, share in rows.items()
     ),
     "causes": lambda ids: " and ".join(ids) or "this",
     # The first two answers of several, and how many others there are.

@@ -33,15 +33,10 @@ from orthoglide_cal.estimation.solution import (
 from orthoglide_cal.files.input import Input, InputFile
 from orthoglide_cal.inference.alone import solve
 from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
-from orthoglide_cal.inference.result import (
-    WORTH_SAYING,
-    NextMeasurement,
-    Parameter,
-    Verdict,
-)
+from orthoglide_cal.inference.result import WORTH_SAYING, NextMeasurement, Parameter, Verdict
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, DIFFERENCES, DataKind, Differences, Measured
-from orthoglide_cal.model.model import NORMAL_K, Effect, Model
+from orthoglide_cal.model.model import NORMAL_K, Effect, Model, Stage
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
@@ -549,7 +544,9 @@ def _named(
             remedies.append(decides.changed(sentence=Reason.of("or", first=decides.sentence)))
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     # A slip in the record is looked for sooner than a machine is taken apart.
-    for finding in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
+    for finding in sorted(
+        diagnosis.causes, key=lambda one: (CAUSES[one.id].stage is not Stage.RECORD, one.in_machine)
+    ):
         id, cause = finding.id, CAUSES[finding.id]
         accept = Remedy.of("accept", "diagnose", f"--accept {id}", id=id)
         remedies.append(accept if finding.recommended else Remedy(sentence=finding.remedy))
@@ -566,7 +563,7 @@ def _named(
     elif all(id in corrects for id in ids):
         caution = Reason.of("corrected", ids=ids, **size)
     else:
-        size["probability"] = diagnosis.causes[0].probability
-        reason = Reason.of("offsets_wrong", causes=diagnosis.causes, ids=ids, **size)
+        alike = diagnosis.causes[0].alike
+        reason = Reason.of("offsets_wrong", causes=diagnosis.causes, alike=alike, **size)
         return Release(reasons=(reason,), remedies=tuple(remedies))
     return Release(cautions=(caution,), remedies=tuple(remedies))

@@ -165,17 +165,10 @@ OPEN = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
 def test_the_ranking_begins_with_what_diagnose_names() -> None:
     given = written(OPEN)
     plan, diagnosis = answer("plan", *given), answer("diagnose", *given)
-    first, *others = plan["next"]
-    assert diagnosis["verdict"] == "ambiguous"
-    assert diagnosis["next_measurement"] == first
+    assert (diagnosis["verdict"], diagnosis["next_measurement"]) == ("ambiguous", plan["next"][0])
     # By the expected time; what stays open means coming back, eight hours later.
     lost = [option["minutes"] + 480.0 * (1.0 - option["chance"]) for option in plan["next"]]
     assert lost == pytest.approx(sorted(lost), rel=1e-12)
-    surest = max(option["chance"] for option in plan["next"])
-    quicker = [option for option in plan["next"] if option["minutes"] < first["minutes"]]
-    assert first["chance"] > 0.99 * surest
-    assert all(option["chance"] < first["chance"] for option in quicker)
-    assert others[-1]["chance"] < first["chance"]
 
 
 def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() -> None:

@@ -119,9 +119,6 @@ def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
     session = truth.make_session(1_100_000, truth.PROTOTYPE, truth.DIAL, hidden, exact=True)
     found = diagnose(*known(session))
     assert set(ids(found)) == {"stand_shift", "encoder_scale"}
-    alone, both = (("stand_shift",), ("encoder_scale", "stand_shift"))
-    shares = {each.ids: each.probability for each in found.explanations}
-    assert 0.01 < shares[alone] < 0.5 * shares[both]
     (note,) = [note for note in sentences(found.notes) if "alone" in note]
     assert note.startswith("stand_shift alone is also possible")
     assert "encoder_scale may be absent" in note

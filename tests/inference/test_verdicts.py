@@ -32,6 +32,7 @@ from tests.cli.program import refusals
 from tests.decisions import content, diagnose_anew
 from tests.inference.sessions import OPTIMAL, given, ids, known, step_left
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
+from tests.readings import some
 from tests.truth.bed import distinguish_bed, draw_bed
 from tests.truth.beyond import draw_beyond
 
@@ -288,6 +289,19 @@ IN_BEDS = [
         )
     ),
 ]  # fmt: skip
+
+
+def test_the_order_of_rows_and_the_hour_of_the_clock_say_nothing() -> None:
+    drifting = truth.make_session(3, truth.LARGE, truth.DIAL, ("thermal_drift",), pace=2.5)
+    for session in (drifting, truth.clear_outside(1, truth.LARGE, truth.DIAL, QUICK[1])):
+        readings, model = known(session)
+        other = some(readings, np.random.default_rng(1).permutation(len(readings)))
+        other = replace(other, plan=replace(other.plan, hours=other.plan.hours + 9.0))
+        one, anew = diagnose(readings, model), diagnose(other, model)
+        assert (one.verdict, ids(one)) == (anew.verdict, ids(anew))
+        assert anew.offsets_mm == pytest.approx(one.offsets_mm, abs=1e-6)
+        sizes = ([size.value for p in d.patterns for size in p.parameters] for d in (one, anew))
+        assert next(sizes) == pytest.approx(next(sizes), abs=1e-6)
 
 
 def _code(reason: Reason) -> str:

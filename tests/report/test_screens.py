@@ -138,13 +138,9 @@ def test_what_is_undecided_adds_up(number: int) -> None:
 
 
 def test_a_headline_says_what_looks_the_same() -> None:
-    case = named_in_measurement()
-    (cause, *_), (first, *_) = case.answer.causes, case.answer.explanations
-    cause = cause.changed(aliases=("stand_shift",), probability=0.46)
-    shares = (("stand_shift", 0.51), (cause.id, 0.46))
-    rivals = tuple(first.changed(ids=(id,), probability=share) for id, share in shares)
-    answer = case.answer.changed(causes=(cause,), explanations=rivals)
-    said = headline(replace(case, answer=answer))
+    case, alike = named_in_measurement(), {("misread",): 0.46, ("stand_shift",): 0.51}
+    causes = tuple(cause.changed(alike=alike) for cause in case.answer.causes)
+    said = headline(replace(case, answer=case.answer.changed(causes=causes)))
     assert said.endswith("is wrong (misread 46.0 % or stand_shift 51.0 %)")
 
 

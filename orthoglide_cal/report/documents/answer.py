@@ -277,14 +277,8 @@ def _named(case: Case) -> str:
     flat = isinstance(measured, Readings) and measured.plan.flat
     shape = next((c for c in case.answer.causes if flat and c.id == case.machine.shape), None)
     titles = [cause_title(case.machine, c) for c in (first, *others) if c is not shape]
-    # Causes that look the same, such as a stand that was knocked before the last reading.
-    singles = ((e.ids[0], e.probability) for e in case.answer.explanations if len(e.ids) == 1)
-    alike = [(id, p) for id, p in singles if id in first.aliases]
-    alike = [(first.id, first.probability), *alike]
     code = "shape_left" if shape else "causes_named" if others else "cause_named"
-    ids = [cause.id for cause in case.answer.causes]
-    data = {"ids": ids, "probability": first.probability, "titles": titles, "alike": alike}
-    return case.says(Reason.of(code, **data, shape=shape))
+    return case.says(Reason.of(code, titles=titles, alike=first.alike, shape=shape))
 
 
 def _shares(answer: Answer) -> str:
