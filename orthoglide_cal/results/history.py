@@ -24,7 +24,7 @@ from orthoglide_cal.estimation.budget import (
     fixed_influences,
     half_width,
 )
-from orthoglide_cal.estimation.gaussian import mixture
+from orthoglide_cal.estimation.gaussian import mixture, root_of
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in, in_order
 from orthoglide_cal.files.machine_file import machine_values
@@ -140,7 +140,8 @@ class _Session:
         self.belief = self.decision = Diagnosis(given.measured, model, at, nothing)
         self.alone = self.belief.fit_of(())
         self.width = self.alone.offsets.size  # parameters of the machine
-        self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
+        # By what is unexplained the offsets are others, and less sure: (p,) and (p, p).
+        self.moved, self.unexplained = np.zeros(self.width), np.zeros((self.width, self.width))
         self.refuted: Reason | None = None  # how what would be named here was refuted
         if len(white) <= self.width or self.belief.chance(self.alone) <= PLAIN:
             self.decision = decided(given.measured, model)
@@ -159,8 +160,9 @@ class _Session:
             self.refuted = decision.refuted.changed(data=data)
         if decision.verdict is Verdict.UNEXPLAINED:
             values, spread = decision.offsets
-            moved = values - self.alone.offsets
-            self.unexplained = spread + np.outer(moved, moved)
+            self.moved = values - self.alone.offsets
+            root = root_of(spread - self.alone.offsets_covariance)
+            self.unexplained = root @ root.T
         else:
             self.belief = decision
         # Set of lasting causes → probabilities of the explanations with it.
@@ -191,6 +193,7 @@ class _Session:
         values, spreads, common = zip(*(self._under(fit, causes) for fit in fits), strict=True)
         self.common = common[int(np.argmax(weights))]
         self.values, self.covariance = mixture(weights.tolist(), values, spreads)
+        self.values[: self.width] += self.moved
         self.covariance[: self.width, : self.width] += self.unexplained
 
     def _under(

@@ -298,7 +298,6 @@ def test_the_order_of_rows_and_the_hour_of_the_clock_say_nothing() -> None:
         other = some(readings, np.random.default_rng(1).permutation(len(readings)))
         other = replace(other, plan=replace(other.plan, hours=other.plan.hours + 9.0))
         one, anew = diagnose(readings, model), diagnose(other, model)
-        assert (one.verdict, ids(one)) == (anew.verdict, ids(anew))
         assert anew.offsets_mm == pytest.approx(one.offsets_mm, abs=1e-6)
         sizes = ([size.value for p in d.patterns for size in p.parameters] for d in (one, anew))
         assert next(sizes) == pytest.approx(next(sizes), abs=1e-6)

@@ -15,6 +15,7 @@ from orthoglide_cal.inference.sessions import Trend
 from orthoglide_cal.model.model import Estimate
 from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.results.history import History, _Session, compare
+from orthoglide_cal.results.making import answer_to
 from orthoglide_cal.results.verification import verify
 from tests import truth
 from tests.inference.sessions import given as touched
@@ -143,8 +144,7 @@ def test_a_recorded_adjustment_is_no_change_and_an_unrecorded_one_is():
     assert compare(changed).verdict is Trend.CHANGED
     # `verify` says the same of both: the machine responded, and nothing else changed.
     checked = verify(*changed, TRUE)
-    assert checked.kept
-    assert not checked.other_change.found
+    assert (checked.kept, checked.other_change.found) == (True, False)
 
 
 def test_a_name_that_the_next_session_refutes_is_withdrawn():
@@ -156,23 +156,18 @@ def test_a_name_that_the_next_session_refutes_is_withdrawn():
     assert found.sessions[0].refuted.code == "refuted_later"
     assert (found.sessions[0].causes, found.next.code) == ((), "refuted")
     shown = str(history_document(found).screen().notice)
-    assert "1.csv: axis_" in shown
-    assert "later readings refute it" in shown
+    assert all(words in shown for words in ("1.csv: axis_", "later readings refute it"))
     size = Estimate(name="xy", unit="mm", value=0.3, std=0.01)
     pushed = {before.measured.source.sha256: [("axis_gap", size)]}
     again = of((gap,), Setting.exact(), rng, "again.csv")
     for known in (compare([before, after], adjusted=pushed), compare([before, again])):
-        assert known.sessions[0].refuted is None
-        assert known.sessions[0].causes
+        assert (known.sessions[0].refuted, bool(known.sessions[0].causes)) == (None, True)
 
 
 def test_order_and_dates():
     drawn = draw("step", 5, 4)
-    backwards = compare(drawn.inputs[::-1])
-    assert backwards == compare(drawn.inputs)
-    undated = [
-        replace(each, conditions=each.conditions.changed(started=None)) for each in drawn.inputs
-    ]
+    assert compare(drawn.inputs[::-1]) == compare(drawn.inputs)
+    undated = [replace(e, conditions=e.conditions.changed(started=None)) for e in drawn.inputs]
     found = compare(undated)
     assert not found.dated
     assert "undated" in [note.code for note in found.notes]
@@ -196,10 +191,16 @@ def test_the_name_of_a_file_tells_its_date():
 
 
 def test_another_machine_is_refused():
-    exact, rng = Setting.exact(), np.random.default_rng(1)
-    other = measured(truth.LARGE, truth.DIAL, TRUE, (), exact, rng, "other.csv")
+    other = touched(truth.make_session(1, truth.LARGE, truth.DIAL))
     with pytest.raises(UsageError, match="several machines"):
         compare([given(session(TRUE, 1)), other])
+
+
+def test_of_a_session_beyond_the_list_it_compares_what_solve_finds():
+    odd = touched(truth.clear_outside(1, truth.PROTOTYPE, truth.DIAL, "plunger_hysteresis"))
+    sound = touched(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))
+    shown = compare([odd, sound]).sessions[0].parameters
+    assert [p.value for p in shown] == pytest.approx([p.found for p in answer_to(odd).parameters])
 
 
 def test_a_date_that_hardly_sees_a_large_cause_does_not_say_that_it_went():
