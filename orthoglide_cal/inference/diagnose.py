@@ -671,7 +671,7 @@ class Diagnosis(Decision):
             return
         for cause in causes:
             if cause.id in machine.companions:
-                yield Reason.of("remark", text=machine.companions[cause.id])
+                yield Reason.of("companion", id=cause.id)
         # Otherwise the answer follows anything.
         if len(white) > fit.offsets.size + sum(cause.freedom for cause in causes):
             noise, left = machine.instrument.noise_mm, white.rms(fit.left)

@@ -314,12 +314,7 @@ class LinearDelta(Machine):
     )
     needless_hold = COLD_HOLD
     # Belts have lost motion whatever else is wrong.
-    companions = MappingProxyType(
-        {
-            "backlash": "These touches depend on the approach direction. Lost motion of the"
-            " carriages may be the cause; this is not certain."
-        }
-    )
+    companions = ("backlash",)
     # No firmware has a setting for these, yet with them what is calibrated is found right.
     recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
     homed = len(TOWERS)

@@ -326,8 +326,8 @@ class Machine(Schema):
     usual_sizes: ClassVar[Mapping[str, float]] = MappingProxyType({})
     homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set again
     needless_hold: ClassVar[float] = NEEDLESS_HOLD  # loss [min]
-    # Id of a cause that may act together with any other → what is not claimed with it.
-    companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    # Ids of causes that may act together with any other, and that no readings make certain.
+    companions: ClassVar[tuple[str, ...]] = ()
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.
     recommended: ClassVar[tuple[str, ...]] = ()
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for

@@ -44,7 +44,8 @@ from orthoglide_cal.results.answer import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
 from orthoglide_cal.words import listed
 
-# Limit of effort: where noise leaves as much so often, no search for causes names one.
+# Limit of effort: where noise leaves as much so often, no cause is sought; a search would name
+# one in a hundred of those that are there.
 PLAIN = 0.2
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks

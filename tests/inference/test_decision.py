@@ -15,7 +15,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from orthoglide_cal.estimation.gaussian import mixture, probabilities
-from orthoglide_cal.inference.diagnose import Diagnosis
+from orthoglide_cal.inference.diagnose import Diagnosis, diagnose
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import pattern_candidates, scores_of
 from orthoglide_cal.inference.sessions import SPREADS, DatedValues, Part, Trend, TrendFit, _fit
@@ -23,7 +23,7 @@ from orthoglide_cal.losses import state
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import refusals
-from tests.inference.sessions import known
+from tests.inference.sessions import changed, known
 
 
 @cache
@@ -113,13 +113,13 @@ def test_what_may_be_there_unseen_is_mentioned() -> None:
     assert found.not_excluded == ()
 
 
-def test_a_rival_a_little_below_the_bound_is_looked_at_again() -> None:
-    found = decision(axis_gap=1.0, bar_skew=0.005, leg_length=0.1)
-    assert found.nearly_dismissed(("bar_skew",))
-    assert not found.nearly_dismissed(("leg_length",))
-    assert not decision(axis_gap=1.0, misread=1e-9).nearly_dismissed(("misread",))
-    besides = decision(axis_gap=1.0, axis_gap_and_misread=0.2)
-    assert not besides.nearly_dismissed(("axis_gap", "misread"))
+def test_what_is_active_stays_only_if_every_open_explanation_says_so() -> None:
+    diagnosis = diagnose(*known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, offset_sd=0.0)))
+    near = diagnosis.fit_of(())
+    far = replace(near, start=near.start + 10.0 * diagnosis.std_mm)
+    for fits, stays in (((near,), True), ((far, near), False), ((near, far), False)):
+        shares = tuple((1.0 / len(fits), fit) for fit in fits)
+        assert changed(diagnosis, left_open=shares).stays_entered is stays
 
 
 class Again(Hypothesis):

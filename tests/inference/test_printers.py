@@ -301,7 +301,7 @@ def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(held_out: Diagn
     following = best_next(found)
     assert "block of known height" in sentence(following.what)
     assert following.between == (("tower_lean",), ("bed_shape",))
-    assert any("direction" in note and "is not" in note for note in sentences(found.notes))
+    assert any("backlash" in note and "not certain" in note for note in sentences(found.notes))
     left = found.causes[0].rms_after_mm
     assert 0.018 < left < 0.026
     (note,) = (note for note in sentences(found.notes) if note.startswith("Unexplained"))
