@@ -259,7 +259,10 @@ class Diagnosis(Decision):
         white, machine, fit, ids = self.white, self.model.machine, self.fit, set(self.accepted)
         (before, after), unit = self.held_out, unit_of(fit.effects)
         rivals = self.rival_sets if self.wrong else ()
-        same = self.same_answer(self.accepted)
+        same, single = self.same_answer(self.accepted), self.hypotheses
+        order = sorted(
+            self.accepted, key=lambda id: (id in machine.companions, -single[id,].log_evidence)
+        )
         by_parameters = fit.columns[:, : fit.offsets.size]
         # What needs no cause may predict better: then no shape is recommended.
         better = self.baselines is not None and self.baselines.better is not None
@@ -296,15 +299,15 @@ class Diagnosis(Decision):
                     heldout_after_mm=after.rms_mm,
                     heldout_ratio=after.ratio,
                     aliases=tuple(other for other in aliases if other not in ids),
-                    alike={one: self.listed[one] for one in (self.accepted, *same)},
+                    alike={tuple(order): self.listed[self.accepted]}
+                    | {one: self.listed[one] for one in same},
                     times_stated=times if times > BEYOND else None,
                     remedy=Reason.of("advice", id=id, where=where),
                     recommended=taken and gains and sure,
                     in_machine=cause.in_machine,
                 )
             )
-        single = {one.id: -self.hypotheses[(one.id,)].log_evidence for one in causes}
-        return tuple(sorted(causes, key=lambda one: (one.id in machine.companions, single[one.id])))
+        return tuple(sorted(causes, key=lambda one: order.index(one.id)))
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -597,10 +600,9 @@ class Diagnosis(Decision):
         alone, gauge = self.alone, self.model.machine.instrument
         size = alone.scatter.sigma_mm if alone.scatter else 0.0
         dof, p_value = alone.dof, alone.lack_of_fit_p
-        # A bed's local shape as the causes leave it, or as stated.
-        as_stated = self.white.texture is not None and self.verdict is Verdict.UNEXPLAINED
-        fit = self.alone_with(1.0 if as_stated else self.fit.scale_factor)
-        if fit is not self.fit_of(()):
+        if self.white.texture is not None:
+            as_stated = self.verdict is Verdict.UNEXPLAINED
+            fit = self.alone_with(1.0 if as_stated else self.fit.scale_factor)
             p_value = self.chance(fit)
             size = math.sqrt(fit.square / dof) if dof else 0.0
         repeats, chance, measured = None, None, self.measured
