@@ -43,8 +43,8 @@ FAR_BELOW = 0.03
 # No further fit is sought while the odds of all faults together against none stay below this
 # share of the odds that establish a fault.
 SURELY = 0.5
-# Limit of effort: causes less probable than this relative to nothing wrong are not fitted. All of
-# them together would add a few hundredths to U.
+# Limit of effort: causes less probable than this relative to nothing wrong are not fitted. With all
+# of them U would be some per cent larger.
 WEIGHS = 0.01
 
 
@@ -172,9 +172,9 @@ class Decision(Belief):
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
-        least, remedy = DISMISSED * self.listed[ids], self.hypotheses[ids].remedy
-        near = (other for other, p in self.listed.items() if p >= least and other != ids)
-        return tuple(other for other in near if self.hypotheses[other].remedy == remedy)
+        listed, answer = self.listed, self.answers[ids]
+        least = DISMISSED * listed[ids]
+        return tuple(other for other in answer if other != ids and listed[other] >= least)
 
     def is_open(self, ids: Ids) -> bool:
         """Return whether a set of causes is too probable to be dismissed for the best answer."""

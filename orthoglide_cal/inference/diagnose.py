@@ -181,8 +181,8 @@ class Diagnosis(Decision):
             # cannot average it out.
             white, fit = self.white, fits[0]
             left = float(fit.residual @ fit.residual) / max(len(white) - mean.size, 1)
-            cells = fit.estimator(fit.sigma) @ white.matrix
-            cells = cells @ white.plan.returning if white.plan.returning.size else cells
+            cells, returning = fit.estimator(fit.sigma) @ white.matrix, white.plan.returning
+            cells = cells @ returning if returning.size else cells
             covariance = covariance + left * cells @ cells.T
         return read_only(mean), read_only(covariance)
 
@@ -263,6 +263,7 @@ class Diagnosis(Decision):
         order = sorted(
             self.accepted, key=lambda id: (id in machine.companions, -single[id,].log_evidence)
         )
+        alike = {tuple(order): self.listed[self.accepted]} | {one: self.listed[one] for one in same}
         by_parameters = fit.columns[:, : fit.offsets.size]
         # What needs no cause may predict better: then no shape is recommended.
         better = self.baselines is not None and self.baselines.better is not None
@@ -299,8 +300,7 @@ class Diagnosis(Decision):
                     heldout_after_mm=after.rms_mm,
                     heldout_ratio=after.ratio,
                     aliases=tuple(other for other in aliases if other not in ids),
-                    alike={tuple(order): self.listed[self.accepted]}
-                    | {one: self.listed[one] for one in same},
+                    alike=alike,
                     times_stated=times if times > BEYOND else None,
                     remedy=Reason.of("advice", id=id, where=where),
                     recommended=taken and gains and sure,

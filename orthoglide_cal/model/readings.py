@@ -13,7 +13,7 @@ import numpy as np
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, alike, of_steps, read_only
 
 AXES = ("x", "y", "z")
-MANY = 64  # limit of effort: where there are more postures, or cells, no pattern is of one of them
+MOST = 64  # limit of effort: where there are more postures, or cells, no pattern is of one of them
 
 
 class Series(NamedTuple):
@@ -162,14 +162,14 @@ class GaugePlan(Plan):
     def returning(self) -> Floats:
         """Each cell by itself; none if there are too many."""
         cells = np.unique(self.cells)
-        return np.asarray(self.cells[:, None] == cells[: len(cells) * (len(cells) <= MANY)], float)
+        return np.asarray(self.cells[:, None] == cells[: len(cells) * (len(cells) <= MOST)], float)
 
     def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
         """A gauge, a leg, a direction, a posture."""
         columns = {"leg": self.leg, "direction": self.direction, "posture": self.displacement}
         for names in (("leg", "direction"), ("leg",), ("direction",), ("posture",)) * ordered:
             kinds, kind_of = np.unique([columns[n] for n in names], axis=1, return_inverse=True)
-            for number, kind in enumerate(kinds.T.tolist() if kinds.shape[1] <= MANY else ()):
+            for number, kind in enumerate(kinds.T.tolist() if kinds.shape[1] <= MOST else ()):
                 pairs = zip(names, kind, strict=True)
                 where = {n: f"{v:g}" if n == "posture" else AXES[int(v)] for n, v in pairs}
                 yield where, kind_of.reshape(-1) == number
